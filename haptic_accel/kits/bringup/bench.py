@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rig on the bench: its file, its devices, and the person who is asked and told."""
+"""Rig on the bench: its parameter file, its devices, and the user who brings it up."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ STEPS = {
 """Names of the steps, and their purpose."""
 
 HELD = {MASTER: "handle", SLAVE: "tool"}
-"""Part in the hand or on the surface, of each arm."""
+"""Part of each arm that is held in the hand or touches the surface."""
 
 ARMS_ALONE = "can", "crtk"
-"""Devices with neither accelerometer nor actuator in the handle."""
+"""Devices that have neither an accelerometer nor an actuator in the handle."""
 
 SERIAL = "serial"
-"""Ending of the names of devices with a board on USB serial."""
+"""Suffix of the names of devices with a board on USB serial."""
 
 COMMAND = module_command("haptic_accel.cli.main")
 """Command line of this program."""
@@ -57,16 +57,16 @@ RESPONSE_SETTLING = 0.4
 """Time until a probing force's response is steady, or has died away, s."""
 
 PATIENCE = 60.0
-"""Time to wait for what the user is asked to do, s."""
+"""Time-out for an action requested from the user, s."""
 
 ACTION_POLL_PERIOD = 0.02
-"""Interval between looks for it, s."""
+"""Interval between checks for a requested action, s."""
 
 SKIP = "s"
-"""Answer that goes on without what is asked."""
+"""Answer that skips a request."""
 
 PASSED, NOT_PASSED, SKIPPED = "ok: ", "NOT PASSED: ", "SKIPPED: "
-"""Beginnings of the lines that tell a check's result."""
+"""Prefixes of the lines with a check's result."""
 
 
 @dataclass(frozen=True)
@@ -96,14 +96,14 @@ class BringUpArguments(Checked):
 
 
 class Watched(Protocol):
-    """Source of a live signal."""
+    """Interface of a source of a live signal."""
 
     def last(self, seconds: float) -> Observation:
         """Return the samples of the last seconds."""
 
 
 class Person(Protocol):
-    """Person who brings up the rig, at a terminal or a page."""
+    """Interface of the person who brings up the rig, at a terminal or a page."""
 
     def begin(self, number: int, step: str, purpose: str) -> None:
         """Show that a step begins."""
@@ -115,7 +115,7 @@ class Person(Protocol):
         """Show a live signal from now on; None for none."""
 
     def ask(self, request: str, skip: str = "") -> str:
-        """Return the answer to a request, empty to go on; raise EOFError where there is none.
+        """Return the answer to a request, empty to continue; raise EOFError without an answer.
 
         Parameters
         ----------
@@ -125,11 +125,11 @@ class Person(Protocol):
         """
 
     def request(self, line: str) -> None:
-        """Ask for an action that is noticed by itself."""
+        """Request an action that is detected automatically."""
 
 
 class Outcome(NamedTuple):
-    """Outcome of a verb: exit status, its last non-empty line, and its events by name."""
+    """Outcome of a command: exit status, last non-empty line, and events by name."""
 
     status: int
     last: str
@@ -137,11 +137,11 @@ class Outcome(NamedTuple):
 
 
 class BringUpError(RuntimeError):
-    """Error: the rig cannot be brought up further; the message is one line."""
+    """Error: the bring-up cannot continue; the message is one line."""
 
 
 class Bench:
-    """Rig that is brought up.
+    """Rig during its bring-up.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ class Bench:
             read_parameter_file(self.path)
 
     def settle(self, measure: Callable[[], list[Check]], *, can_skip: bool = True) -> None:
-        """Measure until all checks pass, or the user goes on without; note the last results."""
+        """Measure until all checks pass or the user skips them; note the last results."""
         while True:
             try:
                 found = measure()
@@ -218,18 +218,18 @@ class Bench:
             self.person.tell("must be a number, such as 0.1")
 
     def report_folder(self, step: str) -> Path:
-        """Return the path of a new folder beside the rig's file."""
+        """Return the path of a new folder next to the rig's file."""
         beside = self.path.with_name(f"{self.path.stem}_reports")
         free = (beside / f"{step}_{n}" for n in itertools.count(1))
         return next(folder for folder in free if not folder.exists())
 
     def keep(self, report: Path) -> None:
-        """Tell and note where a report is."""
+        """Show and note the path of a report."""
         self.notes.append(f"report in {report}")
         self.person.tell(self.notes[-1])
 
     def awaits(self, request: str, happened: Callable[[], bool]) -> bool:
-        """Ask for an action, and return whether it happens in time."""
+        """Request an action, and return whether it happens in time."""
         if request:
             self.person.request(request)
         end = time.monotonic() + PATIENCE
@@ -240,7 +240,7 @@ class Bench:
         return False
 
     def command(self, *words: str) -> Outcome:
-        """Run a verb of this program, and show its progress."""
+        """Run a command of this program, and show its progress."""
         last, events = "no reason given", dict[str, Mapping[str, Any]]()
         with subprocess.Popen(
             [*COMMAND, *words],
@@ -279,18 +279,18 @@ class Bench:
         return bool(self.parameters(side)[0].accelerometer_device == AUDIO)
 
     def is_simulated(self, side: str) -> bool:
-        """Return whether no hardware belongs to a side's device."""
+        """Return whether a side's device is simulated."""
         without = (SIMULATED, POINTER, VIRTUAL)
         return not self.is_on_card(side) and self.device_name(side) in without
 
     def has_actuator(self) -> bool:
-        """Return whether the handle has an actuator that is no simulation."""
+        """Return whether the handle has a real actuator."""
         own, _ = self.parameters(MASTER)
         return own.actuator_device == AUDIO or own.device not in (SIMULATED, POINTER, *ARMS_ALONE)
 
     @contextmanager
     def observed(self, side: str) -> Iterator[ObservedDevice]:
-        """Open a side's device, and close it, without force, in the end."""
+        """Open a side's device while the context is entered; close it without force."""
         own, options = self.parameters(side)
         device = build_device(f"{side}_device", own, options)
         with ObservedDevice(device, options[SAFETY], own.rate, own.latency, hurry) as observed:

@@ -1,9 +1,10 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sensors of a rig, on boards or a sound card: which is whose, what they show, and their gain.
+"""Bring-up of a rig's sensors, on boards or a sound card: side, signal and gain of each.
 
-Then the safety of the handle: force, polarity, silence after a stop, and a pulled plug.
+The module also checks the safety of the handle: force, polarity, silence after a stop, and a
+pulled plug.
 """
 
 from __future__ import annotations
@@ -33,27 +34,27 @@ from haptic_accel.setup.node_parameters import SAFETY
 from haptic_accel.setup.rig_file import update_parameter_file
 
 ARM = "can"
-"""Begin of the names of devices with an arm whose joints this computer drives."""
+"""Prefix of the names of devices with an arm whose joints this computer drives."""
 
 AXES = "xyz"
 """Axes of a board's accelerometer."""
 
 REST = 1.0
-"""Time to look at a signal at rest, s."""
+"""Duration of a measurement at rest, s."""
 
 POSE = 2.0
-"""Time to measure in each position, s."""
+"""Duration of a measurement in each position, s."""
 
 TAP = 10.0
 """Peak of a tap, relative to the noise of a card's input at rest."""
 
 CARD_TIME = 0.012
-"""Latency with a sound card's inputs, s: 48 kHz, 64 samples a block, and a round trip of four; a
-card that needs more says so, and keeps what a given file has."""
+"""Latency with a sound card's inputs, s: a round trip of four blocks of 64 samples at 48 kHz. A
+card that needs more reports it; the value of a specified file is kept."""
 
 
 def connect(bench: benches.Bench) -> None:
-    """Find the boards, write the rig's file, and look at the signals."""
+    """Find the boards, write the rig's file, and check the signals."""
     _take_over(bench)
     a = bench.arguments
     nodes: dict[str, dict[str, Any]] = {
@@ -85,14 +86,14 @@ def calibrate_boards(bench: benches.Bench) -> None:
 
 
 def _take_over(bench: benches.Bench) -> None:
-    """Copy the values of the given parameter files into the rig's."""
+    """Copy the values of the specified parameter files to the rig's file."""
     for path in parameter_paths(bench.arguments.params_file):
         values = read_parameter_file(path)
         update_parameter_file(bench.path, {node: own for node, own in values.items() if own})
 
 
 def _found(bench: benches.Bench, sides: Sequence[str]) -> dict[str, dict[str, str]]:
-    """Return the port of each side's board: the one with an actuator is the handle's."""
+    """Return the port of each side's board; the board with an actuator is the handle's."""
     found: dict[str, dict[str, str]] = {}
 
     def look() -> list[Check]:
@@ -127,7 +128,7 @@ def _found(bench: benches.Bench, sides: Sequence[str]) -> dict[str, dict[str, st
 
 
 def _ports(bench: benches.Bench) -> dict[str, PortParameters]:
-    """Return the given ports, or this machine's, by name."""
+    """Return the specified ports, or all ports of this machine, by name."""
     given = [port for port in bench.arguments.ports.split(SEPARATOR) if port]
     if given:
         return {port: PortParameters(port=str(Path(port).absolute())) for port in given}
@@ -185,7 +186,7 @@ def _look_at(bench: benches.Bench, side: str) -> None:
 
 
 def _heard(bench: benches.Bench, side: str) -> list[Check]:
-    """Check the level of a card's input, and that taps on this side are in it."""
+    """Check the level of a card's input, and that it shows taps on this side."""
     quiet = _recorded(bench, side, REST)
     try:
         check_level(quiet, f"{benches.HELD[side]}: input")
@@ -206,7 +207,7 @@ def _heard(bench: benches.Bench, side: str) -> list[Check]:
 
 
 def _recorded(bench: benches.Bench, side: str, seconds: float) -> FloatArray:
-    """Return what the card's first input of a side has from now on, full scale 1."""
+    """Record a side's first input of the card from now on, full scale 1."""
     _, options = bench.parameters(side)
     own = options[AUDIO]
     channel = read_channels("audio.inputs", own.inputs)[0]
@@ -214,7 +215,7 @@ def _recorded(bench: benches.Bench, side: str, seconds: float) -> FloatArray:
 
 
 def _scaled(bench: benches.Bench, side: str) -> list[Check]:
-    """Measure the scale of a card's input by gravity, unless it is known."""
+    """Measure the scale of a card's input by gravity, unless the scale is known."""
     held = benches.HELD[side]
     _, options = bench.parameters(side)
     if known := options[AUDIO].scales:
@@ -345,13 +346,13 @@ def _probed(bench: benches.Bench) -> list[Check]:
 
 
 def _heard_apart(bench: benches.Bench) -> list[Check]:
-    """Check that the tool's accelerometer does not hear the handle."""
+    """Check that the tool's accelerometer does not measure the handle's vibration."""
     with bench.observed(benches.MASTER) as device, bench.observed(benches.SLAVE) as tool:
         device.drive(_probe(checks.PROBE_FORCES[1]))
         time.sleep(benches.RESPONSE_SETTLING)
         both = device.observe(PROBE), tool.last(PROBE)
         device.drive(None)
-    # Samples of two devices do not begin together, but the force is of one frequency.
+    # Samples of two devices do not start together, but the force has a single frequency.
     count = min(len(each.acceleration) for each in both)
     force, rate = both[0].force[:count], both[0].rate
     handle, heard = (abs(checks.response(force, each.acceleration[:count], rate)) for each in both)
@@ -390,7 +391,7 @@ def _stopped(bench: benches.Bench) -> list[Check]:
 
 
 def _unplugged(bench: benches.Bench) -> list[Check]:
-    """Check that a pulled plug is named, and that no force comes back by itself."""
+    """Check that a pulled plug is reported, and that no force returns by itself."""
     with bench.observed(benches.MASTER) as device:
         bench.person.show(device)
         noise = float(np.nanstd(device.observe(REST).acceleration))

@@ -3,7 +3,7 @@
 
 """``haptic-accel bringup``: five steps from unknown boards to a compensated handle.
 
-Each step measures, judges and advises.
+Each step measures, checks the result, and gives advice.
 """
 
 from __future__ import annotations
@@ -34,17 +34,18 @@ from haptic_accel.kits.bringup.boards import calibrate_boards, connect, make_saf
 from haptic_accel.setup import rig_file
 
 TRIAL = 10
-"""Duration of a trial with a controller, s, as the paper's."""
+"""Duration of a trial with a controller, s, as in the paper."""
 
 TIMED = "master_device", "slave_device", "coupler", "compensator"
 """Nodes that share the latency of the graph."""
 
 MOST_LATENCY = 4
-"""Largest latency that the proof sets, samples. Each adds to the least possible error (`bound`);
-beyond, the machine is not fit for the rate."""
+"""Largest latency that the step `prove` sets, samples. Each sample increases the lowest possible
+error (`bound`); if more are needed, the machine is too slow for the rate."""
 
 MOST_LATE = 100.0 * LOST_SHARE
-"""Share of late forces above which a graph needs more time, %, as an experiment warns."""
+"""Share of late forces above which the latency is increased, %: the limit for warnings of an
+experiment."""
 
 
 def identify(bench: benches.Bench) -> None:
@@ -124,7 +125,7 @@ def _late_percent(condition: Mapping[str, Any]) -> float:
 
 
 def _more_time(bench: benches.Bench) -> str:
-    """Give the forces a sample more time, as far as that is useful; return what was done."""
+    """Increase the latency by one sample if useful; return a line on the change."""
     latency = bench.parameters(benches.MASTER)[0].latency + 1
     if latency > MOST_LATENCY:
         return "close other programs, and run haptic-accel doctor"
@@ -152,7 +153,7 @@ class BringUp:
     Raises
     ------
     ParameterError
-        The rig's file cannot be read or written, or an argument does not go with it.
+        The rig's file cannot be read or written, or an argument contradicts it.
     """
 
     def __init__(self, arguments: benches.BringUpArguments, person: benches.Person) -> None:
@@ -165,14 +166,14 @@ class BringUp:
             self._done[step] = noted[step]
 
     def run(self) -> list[str]:
-        """Take the steps that are left; return verb and words of the next command.
+        """Run the remaining steps; return the arguments of the next command.
 
         Raises
         ------
         BringUpError
-            A step cannot be taken.
+            A step cannot be completed.
         EOFError
-            Nobody answers; the same command goes on at the unfinished step.
+            The user does not answer; the same command continues at the unfinished step.
         """
         bench = self._bench
         for number, (step, purpose) in enumerate(benches.STEPS.items(), start=1):
@@ -195,10 +196,10 @@ if TYPE_CHECKING:
     from haptic_accel.kits.bringup.guide import Guide
 
 DISPLAY_PERIOD = 0.2
-"""Interval between two pictures of the live signal, s: as fast as numbers can be read."""
+"""Interval between updates of the live signal, s: as fast as numbers can be read."""
 
 SHOWN = 0.5
-"""Duration of the signal in a picture, s."""
+"""Duration of the displayed signal, s."""
 
 BAR, FULL = 40, 20.0
 """Width of the bar in characters, and the acceleration of a full one, m/s^2."""
@@ -242,8 +243,8 @@ def _bring_up(rig: BringUp, file: str) -> str:
 
 
 def _bring_up_on_page(arguments: BringUpArguments, terminal: _Terminal) -> None:
-    """Bring up a rig at a page, which is served until it or Ctrl-C closes the bring-up."""
-    # The server takes longer to import than a bring-up at the terminal takes to begin.
+    """Bring up a rig at a page, which is served until the page or Ctrl-C ends the bring-up."""
+    # Imported here, because the server is slow to import and the terminal does not need it.
     from haptic_accel.kits.bringup.guide import Guide
     from haptic_accel.scope.access import Access
     from haptic_accel.scope.server import ScopeServer
@@ -269,7 +270,7 @@ def _bring_up_on_page(arguments: BringUpArguments, terminal: _Terminal) -> None:
 
 
 class _Both:
-    """Person at a page; a terminal shows the same lines."""
+    """Person at a page, with the same lines in a terminal."""
 
     def __init__(self, terminal: _Terminal, guide: Guide) -> None:
         self._terminal, self._guide = terminal, guide
@@ -339,7 +340,7 @@ class _Terminal:
 
     @contextmanager
     def _above(self) -> Iterator[None]:
-        """Write lines above the live signal."""
+        """Let lines be written above the live signal."""
         with self._writing:
             if self._is_drawn:
                 sys.stdout.write("\r\x1b[K")

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The verb ``haptic-accel bringup``: its heading and summary."""
+"""Heading and summary of the command ``haptic-accel bringup``."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Page that leads a person through the bring-up of a rig."""
+"""Page that guides a person through the bring-up of a rig."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from haptic_accel.scope.server import CommandError, check_choice
 from haptic_accel.scope.windows import Windows
 
 KEPT_LINES = 200
-"""Lines of a step that a page shows at most."""
+"""Maximum number of lines of a step on a page."""
 
 SHOWN = 0.5
 """Duration of the signal on the page, s."""
 
 MOST_POINTS = 250
-"""Points of that signal at most: a plot in half a screen has hardly more pixels for pairs."""
+"""Maximum number of points of the signal: a plot half a screen wide has hardly more pixels."""
 
 ANSWER = "answer"
 """Action by which a page answers a request."""
@@ -35,7 +35,7 @@ class Guide:
     """Person who brings up a rig at a page, and source of the page's content.
 
     The bring-up calls it on one thread, the page's server on another. Any number of pages show the
-    same; the first answer to a request counts.
+    same content; the first answer to a request counts.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Guide:
     Attributes
     ----------
     windows : Windows
-        Signals of a graph: none.
+        Signals of a graph; always empty.
     """
 
     def __init__(self, steps: Mapping[str, str]) -> None:
@@ -62,17 +62,17 @@ class Guide:
         self._watched: Watched | None = None
         self._ended: str | None = None
 
-    # The person, for the bring-up
+    # Interface of the person, for the bring-up
 
     def begin(self, number: int, step: str, purpose: str) -> None:
-        """Show that a step begins, without the lines of the one before."""
+        """Show that a step begins, and remove the lines of the previous step."""
         with self._changed:
             self._now = number
             self._lines.clear()
             self._request = None
 
     def tell(self, line: str) -> None:
-        """Show a line; what was asked for before has happened."""
+        """Show a line, and end the previous request."""
         with self._changed:
             self._lines.append(line)
             self._request = None
@@ -83,7 +83,7 @@ class Guide:
             self._watched = watched
 
     def ask(self, request: str, skip: str = "") -> str:
-        """Return the answer of a page, however long that takes."""
+        """Wait for the answer of a page without a time-out, and return it."""
         with self._changed:
             self._number += 1
             self._skip = skip
@@ -106,7 +106,7 @@ class Guide:
                 self._now = len(self._steps) + 1
         self.ask(line)
 
-    # The source, for the page's server
+    # Interface of the source, for the page's server
 
     def choices(self) -> dict[str, list[str]]:
         """Return the actions of the page; an answer is any text."""
@@ -149,7 +149,7 @@ class Guide:
         Raises
         ------
         CommandError
-            There is no such action, or the request is not asked, or has been answered.
+            The action is unknown, or the request is not pending.
         """
         check_choice("action", action, self.choices())
         number, colon, text = value.partition(":") if isinstance(value, str) else ("", "", "")
@@ -187,7 +187,7 @@ def _signal(watched: Watched) -> dict[str, Any]:
 
 
 def _thinned(signal: FloatArray) -> FloatArray:
-    """Return at most `MOST_POINTS` of a signal, with the least and the largest of each part."""
+    """Return at most `MOST_POINTS` of a signal, with the minimum and maximum of each part."""
     if len(signal) <= MOST_POINTS:
         return signal
     size = -(-len(signal) // (MOST_POINTS // 2))

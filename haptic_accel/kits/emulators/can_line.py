@@ -1,10 +1,10 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Emulated arms on a bus of python-can, or behind slcan adapters on pseudo-terminals.
+"""Emulated arms on a python-can bus, or behind slcan adapters on pseudo-terminals.
 
-An arm has ODrives, axes with the CANSimple protocol, and a simulated device. It has no bus and no
-clock: frames are passed to it with their times, s.
+An arm has axes, ODrives with the CANSimple protocol, and a simulated device. It has no bus and no
+clock: the caller passes frames with their times, s.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import can
 
 MUTED = {fault.HEARTBEAT: Command.HEARTBEAT, fault.ESTIMATES: Command.ENCODER_ESTIMATES}
-"""Command that an axis does not send, by fault."""
+"""Command that an axis omits, by fault."""
 
 
 class SlcanPort:
@@ -158,7 +158,7 @@ class CanLine:
 
     @property
     def driven(self) -> bool:
-        """True once an arm has had a torque."""
+        """True once any arm has received a torque."""
         return self._faults.begun
 
     def step(self, now: float) -> None:
@@ -287,7 +287,7 @@ MOTOR_ERROR = {"0.5": 0x40, "0.6": 0x20}
 """Injected error bit by firmware: MOTOR_FAILED, DRV_FAULT."""
 
 HAND_SPEED = 0.5
-"""Speed at which a hand puts an arm back that was let go, m/s: slow enough for every joint."""
+"""Speed at which a hand moves a released arm back, m/s: slow enough for every joint."""
 
 DAMPING = 1e-3
 """Damping of the inverse of a Jacobian, m/rad: near a singularity the arm does not follow."""
@@ -344,7 +344,7 @@ class EmulatedAxis:
 
     def execute(self, order: protocol.Message, now: float) -> list[Frame]:
         """Execute an order and return the answer to it."""
-        self._fed = now  # any command feeds it (can_simple.cpp, do_command)
+        self._fed = now  # any command resets the watchdog (can_simple.cpp, do_command)
         match order:
             case protocol.SetTorque():
                 self._torque = order.torque
@@ -467,7 +467,7 @@ class EmulatedArm:
     def _move(self, now: float) -> None:
         """Set the motors' position and speed from the simulated arm.
 
-        The simulated arm is put back at once; these motors are turned there.
+        The simulated arm jumps back to its start; the motors turn there gradually.
         """
         sample = self._device.read(now)
         velocity, passed = np.array(sample.velocity), now - self._moved

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 MASTER, SLAVE = SIDES = "master", "slave"
 
 TIMEOUTS = {"start_timeout": 10.0, "heartbeat_timeout": 1.0, "estimates_timeout": 0.5}
-"""Parameters of the CAN driver: the emulator shares its machine with the graph, and may stall."""
+"""Time-outs of the CAN driver; the emulator shares the machine with the graph, and may stall."""
 
 WATCHDOG = 0.5
 """Time-out of the axes' watchdogs, s."""
@@ -61,7 +61,7 @@ TAP, TAP_DECAY = 20.0, 5e-3
 """Acceleration of a tap with a finger, m/s^2, and the time constant of its decay, s (assumed)."""
 
 SLCAN_OPTIONS = '{"sleep_after_open": 0}'
-"""Options of python-can, which waits two seconds for adapters that restart when opened."""
+"""Options of python-can without its wait of two seconds for adapters that restart when opened."""
 
 
 def faults_argument(kinds: Mapping[str, FaultKind], beginning: str) -> Any:
@@ -103,7 +103,7 @@ class EmulationArguments(Checked):
         Raises
         ------
         ParameterError
-            It is not a folder, and cannot be made.
+            The path is not a folder, or the folder cannot be made.
         """
         if not self.folder:
             return Path(tempfile.mkdtemp(prefix=f"haptic-accel-{kind}-"))
@@ -155,7 +155,7 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
         from haptic_accel.kits.emulators.serial_line import CoupledArms, SerialLines
     except ImportError:
         raise commands.StoppedError(f"serial: {MISSING_LIBRARY}") from None
-    # The boards must not be delayed by the nodes that they serve.
+    # Real-time priority, so that the nodes do not delay the boards.
     from haptic_accel.nodes.timing import ask_for_realtime, sharpen_timers
 
     folder = arguments.made_folder("serial")
@@ -169,7 +169,7 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
         for side in SIDES
     }
     known = arguments.rig == EmulateSerialArguments.rig
-    # The compensator takes the plant from the rig.
+    # The argument rig gives the compensator the plant.
     words = "" if known else f"rig:={shlex.quote(arguments.rig)} "
     _announce("boards", "serial", folder, given, words)
     sharpen_timers()
@@ -270,7 +270,7 @@ def emulate_network(arguments: RelayArguments) -> None:
 
 
 def _side(side: str, host: str) -> str:
-    """Return the command of a side."""
+    """Return the command line that runs a side."""
     address, port = host_and_port(host)
     here = "127.0.0.1" if is_loopback(address) else "THIS_MACHINE"
     keys = "" if is_loopback(address) else " keys:=KEYS"
@@ -281,7 +281,7 @@ def _words_source() -> int | None:
     """Return the standard input; None if missing or the terminal of another program."""
     try:
         source = sys.stdin.fileno()
-    except (AttributeError, OSError):  # none, or no file
+    except (AttributeError, OSError):  # standard input is closed, or no file
         return None
     return None if os.isatty(source) and not is_ours(source) else source
 
@@ -301,7 +301,7 @@ def _simulated(rig: RigParameters, side: str, rate: float, seed: int) -> Simulat
 
 
 class _Held:
-    """Accelerations of boards: on their arms, or held still or tapped by a person.
+    """Simulated accelerations of boards: on their arms, held still, or tapped by a person.
 
     Parameters
     ----------
@@ -329,8 +329,8 @@ class _Held:
     ) -> Vector:
         """Return the noisy measurement of a sensor, m/s^2, for the acceleration of its arm.
 
-        The rig stands still, and its sensors are silent, until its first force: then the noise is
-        added here.
+        Until its first force, the rig is at rest and its sensors have no noise; this method then
+        adds the noise.
         """
         still = acceleration == self._before.get(side)
         self._before[side] = acceleration
@@ -347,7 +347,7 @@ class _Held:
 
 
 def _currents(board: EmulatedBoard, device: SimulatedDevice) -> str:
-    """Return the currents of a board's coils for the user."""
+    """Return the currents of a board's coils as text."""
     return ", ".join(f"{current:.4f}" for current in device.axes.components(board.currents))
 
 
@@ -382,7 +382,7 @@ def _driver_parameters(arguments: EmulateCanArguments, side: str, folder: Path) 
     if not arguments.interface:
         channel = {"channel": str(folder / side), "options": SLCAN_OPTIONS}
         return {"interface": "slcan", **channel, **shared}
-    # Both are on one bus: the slave's nodes follow the master's.
+    # Both arms are on one bus: the slave's node numbers follow the master's.
     first = 0 if side == MASTER else len(KINEMATICS)
     nodes = {f"joint{index + 1}.node_id": first + index for index in range(len(KINEMATICS))}
     return {"interface": arguments.interface, "channel": arguments.channel, **shared, **nodes}
@@ -408,7 +408,7 @@ def _announce(
 def _run(
     lines: Sequence[CanLine | SerialLines], duration: float, begun: Callable[[], bool], line: str
 ) -> None:
-    """Emulate until a signal or the end of the duration in s; print a line once it has begun."""
+    """Emulate until a signal or the end of a duration, s; print a line once `begun` is true."""
     start, printed = monotonic(), False
 
     def ended() -> bool:

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fault injection: kinds of faults, and the times when they act."""
+"""Fault injection: kinds of faults, and the times at which they are active."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class FaultKind:
     text : str
         Description for users.
     rate : float
-        Occurrences per second if no time is given; 0 for a permanent fault.
+        Occurrences per second if no time is specified; 0 for a permanent fault.
     duration : float
-        Duration of such an occurrence, s.
+        Duration of an occurrence, s.
     """
 
     text: str
@@ -70,7 +70,7 @@ class Faults:
     kinds : mapping
         Possible faults, by name.
     seconds : float
-        Duration of a fault with a given time, s.
+        Duration of a fault with a specified time, s.
     seed : int
 
     Attributes
@@ -101,11 +101,11 @@ class Faults:
 
     @property
     def begun(self) -> bool:
-        """True once the times of planned faults count."""
+        """True once the clock of planned faults runs."""
         return self._beginning < math.inf
 
     def begin(self) -> None:
-        """Start the time of planned faults, unless it has started."""
+        """Start the clock of planned faults, unless it runs already."""
         self._beginning = min(self._beginning, self._now)
 
     def inject(self, name: str, seconds: float = math.inf) -> None:
@@ -113,7 +113,7 @@ class Faults:
         self._ends[name] = self._now + seconds
 
     def active(self, name: str) -> bool:
-        """Return True while a fault acts."""
+        """Return True while a fault is active."""
         return self._now < self._ends.get(name, -math.inf)
 
     def strikes(self, name: str) -> bool:
@@ -138,7 +138,7 @@ class Faults:
 
 
 def _read(text: str, kinds: Mapping[str, FaultKind]) -> Iterator[tuple[str, float | None]]:
-    """Read faults and their times; None if no time is given."""
+    """Parse faults and their times; a time is None if not specified."""
     for word in text.split(",") if text else []:
         name, at, when = word.strip().partition("@")
         try:

@@ -45,7 +45,7 @@ class PseudoTerminal:
         master, terminal = os.openpty()
         tty.setraw(terminal)
         name = os.ttyname(terminal)
-        # Closed, so that reads detect a host that opens or closes the port.
+        # Close this end, so that reads detect a host that opens or closes the port.
         os.close(terminal)
         os.set_blocking(master, False)
         self._path.unlink(missing_ok=True)
@@ -53,7 +53,7 @@ class PseudoTerminal:
         self._master, self._unsent = master, b""
 
     def unplug(self) -> None:
-        """Remove the port, unless it is gone."""
+        """Remove the port, unless it is removed already."""
         self._path.unlink(missing_ok=True)
         if self._master is not None:
             os.close(self._master)
@@ -89,7 +89,7 @@ class PseudoTerminal:
 
 
 class Part(Protocol):
-    """Part of an emulator; times are s since its start."""
+    """Interface of a part of an emulator; times are in s since its start."""
 
     due: float
     """Time of the next step."""

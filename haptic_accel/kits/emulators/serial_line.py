@@ -175,7 +175,7 @@ class Board:
             case protocol.Identify():
                 self._send(self._identity, now)
             case protocol.Configure() as asked:
-                # For a rate of 0, axes and number are meaningless.
+                # At a rate of 0, the other fields have no meaning.
                 self._configure(Configuration(**vars(asked)) if asked.rate else SILENT)
                 self._send(self.configuration, now)
             case protocol.Align(tick, period):
@@ -483,10 +483,10 @@ class EmulatedBoard:
 
 
 class CoupledArms:
-    """Arms of both devices, coupled while both boards are sampled.
+    """Arms of both devices, coupled while both boards are sampling.
 
-    With the first force the hand starts to explore, and the times of faults start. A force acts
-    from its sample on, as the emulated robot has no latency.
+    At the first force, the hand starts to explore and the clock of planned faults starts. A force
+    acts from its sample on, as the emulated robot has no latency.
 
     Parameters
     ----------
@@ -531,7 +531,7 @@ class CoupledArms:
         self._tick = max(self._tick, math.ceil(before / STEP))
 
     def step(self) -> None:
-        """Exchange the forces of the arms, which are free while a board is not sampled."""
+        """Exchange the forces of the arms, which are free unless both boards are sampling."""
         if self.coupled and not self._sampled:
             for side in self._sides.values():
                 side.device.write(self.due, arm_force=ZERO)
@@ -545,7 +545,7 @@ class CoupledArms:
         return all(board.rate for board in self._boards)
 
     def _couple(self, now: float) -> None:
-        """Couple the arms, once, when both boards are sampled."""
+        """Couple the arms once, as soon as both boards are sampling."""
         if not self.coupled and self._sampled:
             self.coupled = self._part.poll(now, listeners=1).engage
             for board in self._boards if self.coupled else ():
@@ -593,7 +593,7 @@ class SerialLines:
             event.skip(now - LONGEST_DELAY)
         while (event := min(self._events, key=attrgetter("due"))).due <= now:
             event.step()
-        # The arms' forces are processed with the next sample, and need no wake-up of their own.
+        # The arms' forces are processed with the next sample, and need no separate wake-up.
         self.due = min(now + STEP, *(board.due for board in self._boards))
 
     def close(self) -> None:

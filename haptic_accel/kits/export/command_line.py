@@ -23,7 +23,7 @@ from haptic_accel.core.safe_writing import whole_folder
 from haptic_accel.kits.export.signals import PUBLISHED, Writer, name_of
 
 FPS = 30
-"""Default frames per second, those of most cameras of learning sets."""
+"""Default frames per second, as of most cameras in learning datasets."""
 
 LEROBOT, HDF5 = "lerobot", "hdf5"
 
@@ -35,7 +35,7 @@ FORMS = (LEROBOT, "parquet", HDF5, "csv", "wav", "mcap-audio")
 
 @dataclass
 class _Folders(Writer):
-    """Writer of a folder for each bag."""
+    """Writer that makes a folder for each bag."""
 
     folder: Path
     write: Callable[[Bag, Path], None]
@@ -108,7 +108,7 @@ def export(
             )
     if out.exists():
         raise ParameterError(f"out = '{out}': must be a new folder")
-    # First, as an interruption while libraries load may crash them.
+    # Load libraries before handling signals: an interruption while loading may crash them.
     made_for = _writer(form, fps or FPS, rate or 0.0, task, cameras)
     try:
         with interrupted_by_signals(), whole_folder(out) as folder:
@@ -123,7 +123,7 @@ def export(
 
 
 def _write(writer: Writer, bags: Sequence[Path], beside: Path, published: dict[str, str]) -> None:
-    """Write bags one after the other; their signals lie in a folder beside the result."""
+    """Write the bags in turn; write their signals to the folder `beside` the result."""
     taken: set[str] = set()
     with progress_bar() as progress:
         for path in bags:
@@ -150,7 +150,7 @@ def _write(writer: Writer, bags: Sequence[Path], beside: Path, published: dict[s
 def _writer(
     form: str, fps: int, rate: float, task: str, cameras: Sequence[str]
 ) -> Callable[[Path], Writer]:
-    """Return what makes the writer of a format for a folder.
+    """Return a function that makes the writer of a format for a folder.
 
     Raises
     ------

@@ -1,11 +1,11 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Frames of a learning set: states of both arms, and the vibration since the frame before.
+"""Frames of a learning dataset: states of both arms, and vibration since the last frame.
 
 Each frame has a window of the acceleration of tool and handle, so that no sample is lost although
-sets have 10 to 60 frames a second. Windows follow each other without gap or overlap: one after
-the other they are the signal.
+datasets have 10 to 60 frames per second. Windows have no gap or overlap: joined together they are
+the signal.
 """
 
 from __future__ import annotations
@@ -28,30 +28,32 @@ SingleArray: TypeAlias = npt.NDArray[np.float32]
 
 STATE = (signals.SLAVE_POSITION, signals.SLAVE_VELOCITY)
 ACTION = (signals.MASTER_POSITION, signals.MASTER_VELOCITY)
-"""Signals of a frame's state and action: the follower is the slave, the leader the master."""
+"""Signals of a frame's state (of the follower, the slave) and action (of the leader, the
+master)."""
 
 SETTLING = 1
 """Time before and after an engagement that the resampling's filter may use, s."""
 
 CLOCKS = "do the clocks of both hosts agree, or was one set forward while recording?"
-"""Question where samples that belong together lie far apart."""
+"""Question in the error for related samples that lie far apart in time."""
 
 MOST_HELD = 0.5
-"""Largest share of missing samples or states; with more, the clocks of the arms disagree."""
+"""Maximum share of missing samples or states; a larger share shows that the clocks of the arms
+disagree."""
 
 
 @dataclass(frozen=True)
 class FrameRate:
-    """Frames of a set, and the samples of each.
+    """Frame rate of a dataset, and its number of samples per frame.
 
     Attributes
     ----------
     fps : int
         Frames per second.
     rate : float
-        Samples per second of the vibration in the set, Hz.
+        Sampling rate of the vibration in the dataset, Hz.
     recorded : float
-        Samples per second of the recording, Hz.
+        Sampling rate of the recording, Hz.
     """
 
     fps: int
@@ -60,22 +62,22 @@ class FrameRate:
 
     @classmethod
     def of(cls, fps: int, rate: float, recorded: float) -> FrameRate:
-        """Return the rates of a set.
+        """Return the rates of a dataset.
 
         Parameters
         ----------
         fps : int
             Frames per second.
         rate : float
-            Samples per second; 0 for that of the recording if it is a multiple of `fps`, or else
-            the highest below it that is `fps` times a power of two.
+            Samples per second; 0 for the recording's rate if that is a multiple of `fps`, or else
+            for the highest lower rate that is `fps` times a power of two.
         recorded : float
             Samples per second of the recording.
 
         Raises
         ------
         ParameterError
-            There is no whole number of samples in a frame.
+            The number of samples in a frame is not whole.
 
         Examples
         --------
@@ -105,7 +107,7 @@ class FrameRate:
         return sampling.look_ahead(self.recorded, self.rate)
 
     def description(self, axes: Axes) -> dict[str, Any]:
-        """Return what a reader has to know about the windows, for JSON."""
+        """Return a description of the windows for readers of the dataset, for JSON."""
         return {
             "vibration_schema": signals.SCHEMA,
             "axes": list(axes.names),
@@ -128,11 +130,11 @@ class Frames:
     state, action : ndarray of float32, shape (n, 6)
         Position, m, and velocity, m/s, of slave and master.
     tool, handle : ndarray of float32, shape (n, samples, axes)
-        Acceleration from the frame before until this one, m/s^2.
+        Acceleration from the previous frame to this one, m/s^2.
     valid : ndarray of bool, shape (n,)
         True if a sample of the tool was recorded in the window.
     notes : list of str
-        Samples that were missing, one line for each signal.
+        Reports of missing samples, one line for each signal.
     """
 
     times: IntArray
@@ -150,7 +152,7 @@ def engagements(bag: Bag) -> list[tuple[int, int]]:
     Raises
     ------
     ParameterError
-        The arms never were.
+        The arms were never coupled.
     """
     found = bag.coupled(topics.MASTER) or bag.coupled(topics.SLAVE)
     if not found:
@@ -162,13 +164,13 @@ def engagements(bag: Bag) -> list[tuple[int, int]]:
 
 
 def episodes(bag: Bag, held: Sequence[Any]) -> Iterator[tuple[int, int, Any]]:
-    """Yield start and end, ns, and the condition of each part of an engagement with one condition.
+    """Yield start and end, ns, and condition of each part of an engagement with one condition.
 
     Parameters
     ----------
     bag : Bag
     held : sequence of dict
-        Its `signals.conditions`.
+        Result of `signals.conditions` for the bag.
 
     Raises
     ------
@@ -183,7 +185,7 @@ def episodes(bag: Bag, held: Sequence[Any]) -> Iterator[tuple[int, int, Any]]:
 
 
 def frames_of(bag: Bag, begin: int, end: int, rate: FrameRate) -> Frames:
-    """Return the frames of a period, the first of them one frame after its start.
+    """Return the frames of a period; the first is one frame after its start.
 
     Parameters
     ----------
@@ -259,7 +261,7 @@ def recorded_rate(bag: Bag) -> float:
     Raises
     ------
     ParameterError
-        They have none.
+        Tool and handle have no common rate.
     """
     tool, handle = (signals.rate_of(bag, each) for each in (TOOL, HANDLE))
     if tool != handle:

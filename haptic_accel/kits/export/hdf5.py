@@ -1,10 +1,10 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""HDF5 in ALOHA's layout: a file for each bag, with every sample beside its frames.
+"""HDF5 in ALOHA's layout: a file for each bag, with frames and all samples.
 
 ``/observations/qpos`` and ``qvel`` are position and velocity of the slave, ``/action`` the
-position of the master, as in tonyzhaozh/aloha, whose readers take a file for an episode.
+position of the master, as in tonyzhaozh/aloha, whose readers treat each file as an episode.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from haptic_accel.kits.export.signals import Writer, descriptions, signals_of
 
 @dataclass
 class Hdf5Writer(Writer):
-    """Files ``episode_N.hdf5`` of bags.
+    """Writer of bags as files ``episode_N.hdf5``.
 
     Parameters
     ----------
@@ -42,12 +42,12 @@ class Hdf5Writer(Writer):
     _count: int = 0
 
     def add(self, name: str, bag: Bag) -> None:
-        """Write a bag; without coupled arms it has signals and no frames.
+        """Write a bag; without coupled arms, the file has signals but no frames.
 
         Raises
         ------
         ParameterError
-            The rates do not fit, or a signal of coupled arms is missing.
+            The rates are not compatible, or a signal of coupled arms is missing.
         """
         with h5py.File(self.folder / f"episode_{self._count}.hdf5", "w") as file:
             file.attrs["bag"] = name

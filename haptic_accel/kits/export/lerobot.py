@@ -1,14 +1,15 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""LeRobotDataset v3.0 with the vibration of tool and handle, which LeRobot opens as it is.
+"""LeRobotDataset v3.0 with vibration of tool and handle, readable by unmodified LeRobot.
 
 Layout, features and statistics after LeRobot 0.6 (huggingface/lerobot, ``src/lerobot/datasets``).
-Its schema has no place for channels faster than the frames: the tool's samples are numbers of the
-state, as in sets that LeRobot records itself. Beside the set are all signals as recorded, in
-``series``. What differs between bags is in a column of the episodes, which a merge keeps.
+Its schema does not support channels faster than the frames; the tool's samples are therefore
+components of the state, as in datasets that LeRobot records itself. The folder ``series`` has all
+signals as recorded. Differences between bags are in a column of the episodes, which a merge of
+datasets keeps.
 
-Images of cameras are those at the frames; statistics are of all features.
+Each frame has the newest camera images at its time; statistics cover all features.
 """
 
 from __future__ import annotations
@@ -94,29 +95,29 @@ def _combined(name: str, each: Sequence[Statistics]) -> npt.NDArray[Any]:
 
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
-"""Types of images."""
+"""Message types of images."""
 
 ENCODINGS = {"rgb8": [0, 1, 2], "bgr8": [2, 1, 0], "mono8": [0, 0, 0]}
-"""Places of red, green and blue among the bytes of a pixel, by encoding of `RAW`."""
+"""Indices of red, green and blue in the bytes of a pixel, by encoding of `RAW`."""
 
 READERS = {"png": "PNG", "jpeg": "JPEG", "jpg": "JPEG"}
-"""Pillow's reader by the word in the format of `COMPRESSED`. No other reader is used, as some
-start programs."""
+"""Pillow's reader, by the format in `COMPRESSED`. No other reader is used, as some start
+programs."""
 
 MODES = ("RGB", "RGBA", "L", "P")
 """Pillow's modes with eight bits for each colour."""
 
 MOST_PIXELS = 2**24
-"""Largest size of an image, pixels: twice that of a 4K camera. It takes 230 MB to decode."""
+"""Maximum size of an image, pixels: twice that of a 4K camera. Decoding needs 230 MB."""
 
 MOST_REPEATED = 0.5
-"""Largest share of frames without a new image."""
+"""Maximum share of frames without a new image."""
 
 SAMPLED = 100
-"""Most images of an episode from which statistics are computed, as LeRobot does."""
+"""Maximum number of images per episode for statistics, as in LeRobot."""
 
 SAMPLED_PIXELS = 30_000
-"""Pixels of an image for statistics, at least, if it has as many."""
+"""Minimum number of an image's pixels for statistics, if the image has as many."""
 
 _STORED = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
 
@@ -149,7 +150,7 @@ def camera_frames(
 
 
 class CameraFrames:
-    """Images of the frames of an episode, on the disk: for each the newest at its time.
+    """Images of an episode's frames, stored on disk: the newest at the time of each frame.
 
     Parameters
     ----------
@@ -177,9 +178,9 @@ class CameraFrames:
         self._unusable, self._first = 0, ""
 
     def add(self, message: Any) -> None:
-        """Add an image; the one before is stored if the next frame has it."""
+        """Add an image; store the previous one if the next frame shows it."""
         stamp = message.header.stamp.sec * NANOSECONDS + message.header.stamp.nanosec
-        frame = int(np.searchsorted(self._times, stamp))  # the first that can have it
+        frame = int(np.searchsorted(self._times, stamp))  # the first frame that can show the image
         if frame != self._waiting[0]:
             self._store()
         self._waiting = frame, stamp, message
@@ -201,7 +202,7 @@ class CameraFrames:
             self._file.write(data)
 
     def finish(self, fps: int) -> str:
-        """Repeat the image before a frame without a new one; return why that is impossible."""
+        """Repeat images for frames without a new one; return the reason if impossible."""
         self._store()
         reason = f"; unusable images: {self._unusable}, {self._first}" if self._unusable else ""
         if not self._parts:
@@ -218,7 +219,7 @@ class CameraFrames:
         return ""
 
     def column(self, begin: int, end: int) -> pa.Array:
-        """Return images of some frames as Hugging Face's `datasets` embeds them."""
+        """Return images of some frames in the form of Hugging Face's `datasets`."""
         rows = [{"bytes": self._image(frame), "path": None} for frame in range(begin, end)]
         return pa.array(rows, _STORED)
 
@@ -240,7 +241,7 @@ class CameraFrames:
 
 
 def _stored(message: Any) -> tuple[bytes, tuple[int, ...]]:
-    """Return an image as it was compressed, or else as PNG in colour, and its shape."""
+    """Return an image, compressed as recorded or else as colour PNG, and its shape."""
     if message.__msgtype__ == RAW:
         mode, pixels = "", _uncompressed(message)
     else:
@@ -267,7 +268,7 @@ def _uncompressed(message: Any) -> Any:
 
 
 def _readers(stated: str) -> list[str]:
-    """Return the one reader for a stated format, as in ``bgr8; jpeg compressed bgr8``."""
+    """Return the only reader for a stated format, such as ``bgr8; jpeg compressed bgr8``."""
     found = {READERS[word] for word in re.findall("[a-z]+", stated.lower()) if word in READERS}
     if len(found) != 1:
         raise ValueError(f"format = {stated!r}: must be png or jpeg")
@@ -277,8 +278,8 @@ def _readers(stated: str) -> list[str]:
 def _decoded(data: bytes, readers: list[str]) -> tuple[str, Any]:
     """Return an image's mode, and its pixels in colour, shape (height, width, 3)."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of metadata that are not used
-        # The end of a PNG, which is not read for its pixels.
+        warnings.simplefilter("ignore")  # warnings about unused metadata
+        # Check the end of a PNG, which decoding does not read.
         Image.open(io.BytesIO(data), formats=readers).verify()
         with Image.open(io.BytesIO(data), formats=readers) as image:
             _check_size(*image.size)
@@ -296,10 +297,10 @@ VERSION = "v3.0"
 """Version of LeRobot's format."""
 
 STATE_KEY, HANDLE_KEY = "observation.state", f"handle.{VIBRATION}"
-"""Features with the vibration of tool and handle; the handle's is none that a policy observes."""
+"""Features with the vibration of tool and handle; a policy does not observe the handle's."""
 
 VALID = f"{VIBRATION}.valid"
-"""Name of the number of a state that is 1 if vibration was recorded, as in recorded sets."""
+"""Name of the state's component that is 1 if vibration was recorded, as in recorded datasets."""
 
 PROGRAM = "haptic_accel"
 """Key of this program's metadata: in ``info.json``, and as JSON text of each episode."""
@@ -308,13 +309,13 @@ SERIES = "series"
 """Folder of the signals as recorded."""
 
 CHUNK = "chunk-000/file-000.parquet"
-"""First file below a folder of tables; all rows are in it."""
+"""First file in a folder of tables; it has all rows."""
 
 CHUNK_FILES, DATA_MEGABYTES, VIDEO_MEGABYTES = 1000, 100, 200
 """LeRobot's defaults for files that are appended."""
 
 ROWS = 1000
-"""Rows of a group in a set with images, which would not fit into memory as one group."""
+"""Number of rows per group in a dataset with images, which may be too large for one group."""
 
 FILE_INDICES = [f"{t}/{p}_index" for t in ("data", "meta/episodes") for p in ("chunk", "file")]
 """Columns of an episode with the numbers of its files."""
@@ -324,7 +325,7 @@ INDICES = ("frame_index", "episode_index", "index", "task_index")
 
 @dataclass
 class LeRobotWriter(Writer):
-    """Set of episodes, one for each engagement of the arms.
+    """Writer of a dataset with an episode for each engagement of the arms.
 
     Parameters
     ----------
@@ -333,9 +334,9 @@ class LeRobotWriter(Writer):
     fps : int
         Frames per second.
     rate : float
-        Samples per second of the windows; 0 for that of the recording or below, see `FrameRate`.
+        Samples per second of the windows; 0 for the recording's rate or lower, see `FrameRate`.
     task : str
-        What is done, in words; empty for the surface.
+        Description of the task; empty for the surface.
     cameras : sequence of str
         Topics of images.
     """
@@ -356,12 +357,12 @@ class LeRobotWriter(Writer):
     _file: parquet.ParquetWriter | None = None
 
     def add(self, name: str, bag: Bag) -> None:
-        """Append the engagements of a bag.
+        """Append the engagements of a bag as episodes.
 
         Raises
         ------
         ParameterError
-            The bag has no engagement, or another rate or axes than the bags before.
+            The bag has no engagement, or its rate or axes differ from earlier bags.
         """
         rates, axes = FrameRate.of(self.fps, self.rate, frames.recorded_rate(bag)), bag.axes
         if (rates, axes) != (self._rates or rates, self._axes or axes):
@@ -436,7 +437,7 @@ class LeRobotWriter(Writer):
         self._frames += count
 
     def close(self) -> None:
-        """Write what describes the set.
+        """Write the metadata of the dataset.
 
         Raises
         ------
@@ -473,7 +474,7 @@ class LeRobotWriter(Writer):
         }
 
     def _features(self) -> dict[str, Any]:
-        """Return the descriptions of the features, which are equal in sets that can be merged."""
+        """Return the descriptions of the features, equal in datasets that can be merged."""
         assert self._rates and self._axes
         samples, about = self._axes.sample_names(self._rates.samples), self._rates.description
         state, action = (

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Signals of a bag as other programs need them: name, unit, axes, rate and meaning."""
+"""Signals of a bag for other programs, with name, unit, axes, rate and meaning."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from haptic_accel.setup.node_parameters import node_schema
 from haptic_accel.setup.setup import Parameters, known_arguments
 
 SCHEMA = 1
-"""Version of the names and the order of vibration in learning sets."""
+"""Version of the names and the order of vibration in learning datasets."""
 
 PUBLISHED = "published"
-"""Key of a bag's facts for licence and author of its exports."""
+"""Key of a bag's metadata with licence and author of its exports."""
 
 IN_SIMULATION = (SIMULATED, VIRTUAL, POINTER)
 """Devices of the virtual rig."""
 
 CALIBRATED = ("serial.calibration.", "audio.")
-"""Beginnings of the names of parameters from a calibration of sensors."""
+"""Prefixes of parameters from a calibration of sensors."""
 
 UNITS_OF_STATE = ("m", "m", "m", "m/s", "m/s", "m/s")
 """Units of position and velocity."""
@@ -45,7 +45,7 @@ PART = 250_000
 """Number of samples that are converted at a time: 8 MB."""
 
 LARGEST = 1e30
-"""Largest magnitude of a value in SI units that counts as measured. No sensor reaches it, and the
+"""Largest magnitude of a value in SI units that counts as measured. No sensor reaches it, and
 differences, sums and filters of 32-bit numbers (3.4e38) stay finite."""
 
 UNITS = {
@@ -66,7 +66,7 @@ class ExportedSignal:
     name : str
     topic : Topic
     meaning : str
-        Noun phrase.
+        Description, a noun phrase.
     """
 
     name: str
@@ -101,12 +101,12 @@ MASTER_POSITION, MASTER_VELOCITY, SLAVE_POSITION, SLAVE_VELOCITY, TOOL, HANDLE, 
 
 @dataclass(kw_only=True)
 class Writer:
-    """Writer of several bags to a folder.
+    """Interface of a writer of several bags to a folder.
 
     Attributes
     ----------
     notes : list of str
-        What is missing in the result, one line each.
+        Reports of data missing in the result, one line each.
     """
 
     notes: list[str] = field(default_factory=list)
@@ -115,7 +115,7 @@ class Writer:
         """Append a bag under a name."""
 
     def close(self) -> None:
-        """Write what is left."""
+        """Write the remaining data."""
 
 
 def signals_of(bag: Bag) -> Iterator[tuple[ExportedSignal, Signal]]:
@@ -126,12 +126,12 @@ def signals_of(bag: Bag) -> Iterator[tuple[ExportedSignal, Signal]]:
 
 
 def signal_of(bag: Bag, exported: ExportedSignal) -> Signal:
-    """Return a signal that is needed.
+    """Return a required signal.
 
     Raises
     ------
     ParameterError
-        The bag does not have it.
+        The bag does not have the signal.
     """
     found = bag.signals.get(exported.topic.name)
     if found is None:
@@ -145,7 +145,7 @@ def rate_of(bag: Bag, exported: ExportedSignal) -> float:
     Raises
     ------
     ParameterError
-        The bag does not have it, or its samples are not on a grid.
+        The bag does not have the signal, or its samples are not on a grid.
     """
     try:
         return sampling_rate(signal_of(bag, exported).stamps, bag.stated_rate)
@@ -156,7 +156,7 @@ def rate_of(bag: Bag, exported: ExportedSignal) -> float:
 def on_grid(
     bag: Bag, exported: ExportedSignal, start: int, rate: float, length: int
 ) -> tuple[FloatArray, BoolArray]:
-    """Return a signal on a grid, and a mask of samples; others repeat the one before.
+    """Return a signal on a grid, and a mask of samples; missing ones repeat the previous one.
 
     The signal has the bag's axes, shape (length, axes). A sample that `finite` leaves out counts
     as missing. Parameters as for `Signal.on_grid`.
@@ -183,9 +183,9 @@ def finite(signal: Signal) -> Signal:
 
 
 def description(bag: Bag, exported: ExportedSignal) -> dict[str, Any]:
-    """Return what a reader has to know about a signal, for JSON.
+    """Return the description of a signal for readers of an export, for JSON.
 
-    The rate is null where the samples are not on a grid.
+    The rate is null if the samples are not on a grid.
     """
     stamps = signal_of(bag, exported).stamps
     rate = None
@@ -206,16 +206,16 @@ def description(bag: Bag, exported: ExportedSignal) -> dict[str, Any]:
 
 
 def name_of(path: Path) -> str:
-    """Return a bag's name as text that any file can contain."""
+    """Return a bag's name as text that any file format can store."""
     whole = path.resolve()
     name = whole.name if whole.is_dir() else whole.stem
     return os.fsencode(name).decode(errors="replace")
 
 
 def conditions(bag: Bag) -> list[dict[str, Any]]:
-    """Return what held in each section of a bag, for JSON, with its beginning in ns.
+    """Return the conditions in each section of a bag, for JSON, with the section's start in ns.
 
-    The first begins before the bag. Arguments are as they were set while recording.
+    The first section starts before the bag. Arguments have their values during the recording.
     """
     start = described(bag, Parameters.from_metadata(bag.facts), bag.stated_rate or 0.0)
     return [
@@ -225,16 +225,16 @@ def conditions(bag: Bag) -> list[dict[str, Any]]:
 
 
 def _given(bag: Bag, node: str, begins: tuple[str, ...]) -> dict[str, Any]:
-    """Return a node's parameters with some beginnings, if they are not the default."""
+    """Return a node's parameters with the prefixes `begins` that differ from the default."""
     own, known = Parameters.from_metadata(bag.facts).values.get(node, {}), node_schema(node)
     named = {n: value for n, value in own.items() if n in known and n.startswith(begins)}
     return {name: value for name, value in named.items() if value != known[name][0]}
 
 
 def descriptions(bag: Bag) -> dict[str, Any]:
-    """Return metadata of a bag, the same in all formats, and each signal's description by name.
+    """Return a bag's metadata, equal in all formats, and each signal's description by name.
 
-    Calibration and identification are parameters that are not the default; empty for none.
+    Calibration and identification contain the parameters that differ from the default.
     """
     arguments = known_arguments(bag.facts)
     return {

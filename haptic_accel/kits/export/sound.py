@@ -31,16 +31,16 @@ FIELDS = (
 """Type of a block of sound, and its fields, after https://docs.foxglove.dev (RawAudio)."""
 
 PCM = "pcm-s16"
-"""The one format of `RAW_AUDIO`: 16 bits, little-endian."""
+"""The only format of `RAW_AUDIO`: 16 bits, little-endian."""
 
 SOUND_RATE = 8000
-"""Samples per second of sound that every player takes, Hz."""
+"""Sampling rate of sound that every player supports, Hz."""
 
 BLOCK = 800
-"""Samples of a message: a tenth of a second."""
+"""Number of samples of a message: a tenth of a second."""
 
 MINUTE = 60
-"""Length of the parts that are resampled, s."""
+"""Length of the parts that are resampled separately, s."""
 
 FULL = 32767
 """Largest sample of 16 bits."""
@@ -126,10 +126,10 @@ def _played(channels: dict[str, FloatArray], about: dict[str, Any], part: str) -
 
 
 def _resampled_parts(signal: FloatArray, rate: float) -> Iterator[npt.NDArray[np.int16]]:
-    """Yield 16 bits at `SOUND_RATE`, minute by minute: an hour at once would need 600 MB.
+    """Yield 16-bit sound at `SOUND_RATE`, minute by minute: an hour at once would need 600 MB.
 
-    Each minute is resampled with a second before and after it. A rate that is not whole has no
-    common samples with its sound, and is resampled at once.
+    Each minute is resampled with a second before and after it. A signal whose rate is not whole
+    has no samples in common with its sound, and is resampled at once.
     """
     second = round(rate)
     length = MINUTE * second if rate == second else len(signal)

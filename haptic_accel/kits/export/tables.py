@@ -21,7 +21,7 @@ METADATA_KEY = b"haptic_accel"
 """Key of the JSON text about a signal in a Parquet file's metadata."""
 
 OPTIONS = {"compression": "zstd", "use_dictionary": False}
-"""Options of Parquet files, which all readers know."""
+"""Options of Parquet files that all readers support."""
 
 _ROWS_ALONE = csv.WriteOptions(include_header=False)
 
@@ -53,7 +53,7 @@ def write_csv(bag: Bag, folder: Path) -> None:
         kinds = [pa.int64(), *[pa.float64()] * len(NAMES)]
         schema = pa.schema(list(zip(titles, kinds, strict=True)))
         with (folder / f"{exported.name}.csv").open("wb") as file:
-            # Written here, as pyarrow quotes titles.
+            # Titles are written here because pyarrow would quote them.
             file.write(f"{','.join(titles)}\n".encode())
             with csv.CSVWriter(file, schema, write_options=_ROWS_ALONE) as writer:
                 for stamps, columns in _parts(signal):

@@ -1,11 +1,11 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""LeRobot plug-ins: a leader that makes the gripper felt, a follower that observes its vibration.
+"""LeRobot plug-ins: a leader that renders, and a follower that observes, gripper vibration.
 
-Nothing here imports LeRobot. Its base classes come in from two small distributions in the folder
-``plugins``, which LeRobot finds by their names. They import the public names from here: a device
-of LeRobot is wrapped together with the fast path.
+This package does not import LeRobot. Two small distributions in the folder ``plugins``, which
+LeRobot finds by their names, add its base classes to the public classes of this package. A LeRobot
+device is wrapped together with the fast path.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from haptic_accel.setup.arguments import SIMULATED
 
 
 class PassedOn:
-    """Attribute or method that is the wrapped device's own."""
+    """Descriptor of an attribute or method that is passed on to the wrapped device."""
 
     def __set_name__(self, owner: type, name: str) -> None:
-        """Take the name in the class."""
+        """Store the attribute's name in the class."""
         self._name = name
 
     def __get__(self, device: Any, owner: type) -> Any:
@@ -41,10 +41,10 @@ CHOICE = "get_choice_class", "get_choice_name", "default_choice_name"
 
 
 def others(registry: Any, own: str) -> Any:
-    """Return the choice among the configurations of a registry except one, as a field's type.
+    """Return the choice of a registry's configurations except one, as the type of a field.
 
-    The field of a configuration that is among the field's own choices would be expanded without
-    end, for every program of LeRobot.
+    If a configuration were among the choices of its own field, every LeRobot program would expand
+    the field without end.
     """
 
     def known() -> dict[str, Any]:
@@ -55,7 +55,7 @@ def others(registry: Any, own: str) -> Any:
 
 
 def wrapped(make: Callable[[Any], Any], config: Any, name: str) -> Any:
-    """Return the device that LeRobot makes of a configuration, the field `name` of the plug-in's.
+    """Return the device that LeRobot makes from the field `name` of the plug-in's configuration.
 
     Raises
     ------
@@ -73,7 +73,7 @@ LOG = logging.getLogger(__name__)
 
 
 class Wrapping:
-    """Device that passes everything on to another, and has the fast path while it is connected.
+    """Device that forwards all calls to another one, and runs the fast path while connected.
 
     Parameters
     ----------
@@ -100,17 +100,17 @@ class Wrapping:
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute that only the wrapped device has."""
-        if name.startswith("_") or name == "wrapped":  # not there before __init__
+        if name.startswith("_") or name == "wrapped":  # not set before __init__
             raise AttributeError(name)
         return getattr(self.wrapped, name)
 
     @property
     def is_connected(self) -> bool:
-        """True if the wrapped device is, also after the end of the fast path."""
+        """True if the wrapped device is connected, even after the end of the fast path."""
         return self._path is not None and bool(self.wrapped.is_connected)
 
     def connect(self, calibrate: bool = True) -> None:
-        """Start the fast path, or join it, and connect the wrapped device, or do neither.
+        """Start or join the fast path and connect the wrapped device; on failure, do neither.
 
         Raises
         ------
@@ -118,7 +118,7 @@ class Wrapping:
             The fast path does not start, or runs with other arguments.
         """
         with ExitStack() as opened:
-            # First, as an arm that is connected, and let go of again, falls.
+            # First the fast path: an arm that is connected and disconnected again would fall.
             path = fast_path.join(self._arguments)
             opened.callback(fast_path.leave, path)
             self.wrapped.connect(calibrate)
@@ -137,7 +137,7 @@ class Wrapping:
                 closing.callback(fast_path.leave, path)
 
     def tell_problem(self) -> None:
-        """Log once that the fast path has failed, if it has: an arm must not stop for it."""
+        """Log a failure of the fast path once, because it must not stop an arm."""
         path = self._path
         if path and not path.is_told and (problem := path.problem):
             path.is_told = True
@@ -151,8 +151,9 @@ VALID = f"{VIBRATION}.valid"
 class VibrationRobot(Wrapping):
     """Robot of LeRobot that also observes vibration, to be joined with LeRobot's base class.
 
-    LeRobot's programs take numbers, which become ``observation.state``, and images, but no other
-    arrays. So each sample of the window has a key of its own; `vibration` is the same as an array.
+    LeRobot's programs accept numbers, which become ``observation.state``, and images, but no other
+    arrays. Each sample of the window therefore has a separate key; `vibration` is the window as an
+    array.
 
     Parameters
     ----------
@@ -193,21 +194,21 @@ class VibrationRobot(Wrapping):
         Returns
         -------
         ndarray, shape (n, axes)
-            Acceleration, m/s^2, the newest last, at the fast path's rate; zero if that has failed,
-            which is logged once: not a number would move an arm whose policy reads it.
+            Acceleration, m/s^2, the newest last, at the fast path's rate; zero after a failure of
+            the fast path, which is logged once: NaN would move an arm whose policy reads it.
         """
         return self._measured()[0]
 
     def _measured(self) -> tuple[FloatArray, bool]:
-        """Return the vibration, and whether it is one."""
+        """Return the vibration, and whether it was measured."""
         self.tell_problem()
         found = self._path.window(self._size) if self._path else None
         samples = np.zeros((self._size, 3)) if found is None else found
         return samples[:, self._axes.indices], found is not None
 
     def get_observation(self) -> dict[str, Any]:
-        """Return the follower's observation, and the vibration of the frame before the call."""
-        felt, is_valid = self._measured()  # first, as cameras may be waited for
+        """Return the follower's observation, with the vibration in the frame before the call."""
+        felt, is_valid = self._measured()  # first, because cameras may take time
         observed = self.wrapped.get_observation()
         values = [*felt.T.ravel().tolist(), float(is_valid)]
         return {**observed, **dict(zip([*self._keys, VALID], values, strict=True))}
@@ -216,8 +217,8 @@ class VibrationRobot(Wrapping):
 class FeltTeleoperator(Wrapping):
     """Teleoperator of LeRobot with a coil in its handle, to be joined with LeRobot's base class.
 
-    The coil moves while actions are asked for. If the fast path ends meanwhile, the arm goes on.
-    Parameters as for `Wrapping`.
+    The coil moves while actions are requested. If the fast path ends meanwhile, the arm continues.
+    Parameters are as for `Wrapping`.
     """
 
     feedback_features = PassedOn()

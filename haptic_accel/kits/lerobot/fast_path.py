@@ -1,9 +1,9 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fast path as LeRobot's process sees it: its arguments, its start, its samples, its end.
+"""Control of the fast path from LeRobot's process: arguments, start, samples and end.
 
-Its samples are in memory that both processes share.
+The samples are in memory that both processes share.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from haptic_accel.setup.node_parameters import build_device
 from haptic_accel.setup.words import given_keys
 
 WRITTEN, TICKS, LATE, LOST, FELT = range(5)
-"""Places in `Ring.counts`: samples so far; ticks, and those that were late by half a period or
-more; samples that did not come and are held from the one before; steady time of the
-last request to let the coil move, ns, which the reader sets."""
+"""Indices in `Ring.counts`: number of samples so far; of ticks; of ticks late by half a period or
+more; of missing samples, replaced by the previous ones; steady time of the last request to let the
+coil move, ns, set by the reader."""
 
 SLOTS = 8192
-"""Samples that are kept: 8 s at 960 Hz, so that no reader is overtaken."""
+"""Capacity of a ring, samples: 8 s at 960 Hz, so that the writer overtakes no reader."""
 
 LONGEST = SLOTS // 2
-"""Most samples that can be read together: the other half is the reader's time, 4 s at 960 Hz."""
+"""Maximum number of samples read at once; the other half gives the reader 4 s at 960 Hz."""
 
 _COLUMNS = 4  # tick, acceleration along x, y, z
 _SIZE = 8 * (FELT + 1 + SLOTS * _COLUMNS)
@@ -55,7 +55,7 @@ class Ring:
 
     Notes
     -----
-    The writer never waits for a reader. A reader checks that what it copied was not overwritten.
+    The writer never waits for a reader. A reader checks that its copy was not overwritten.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -65,7 +65,7 @@ class Ring:
         self._slots = slots.reshape(SLOTS, _COLUMNS)
 
     def put(self, tick: int, acceleration: Vector) -> None:
-        """Add the sample of a tick, m/s^2; ticks without one hold the sample before."""
+        """Add the sample of a tick, m/s^2; skipped ticks repeat the previous sample."""
         if written := self.counts[WRITTEN]:
             before, *held = self._slots[(written - 1) % SLOTS].tolist()
             for missing in range(max(int(before) + 1, tick - SLOTS), tick):
@@ -75,10 +75,10 @@ class Ring:
 
     def _put(self, *row: float) -> None:
         self._slots[self.counts[WRITTEN] % SLOTS] = row
-        self.counts[WRITTEN] += 1  # last, as readers trust what it counts
+        self.counts[WRITTEN] += 1  # last, because readers use all counted samples
 
     def newest(self, size: int) -> tuple[int, FloatArray] | None:
-        """Return the newest tick, and as many samples as asked for, the newest last.
+        """Return the newest tick, and the requested number of samples, the newest last.
 
         Parameters
         ----------
@@ -88,7 +88,7 @@ class Ring:
         Returns
         -------
         tuple of int and ndarray, shape (size, 3), or None
-            Tick, and accelerations in m/s^2; None before there are so many.
+            Tick, and accelerations in m/s^2; None until enough samples exist.
         """
         while (begin := int(self.counts[WRITTEN]) - size) >= 0:
             rows = self._slots[np.arange(begin, begin + size) % SLOTS]
@@ -98,9 +98,9 @@ class Ring:
 
 
 def memory_file() -> int:
-    """Return the descriptor of a new file in memory, which ends with its last process.
+    """Return the descriptor of a new file in memory, which exists until its last process ends.
 
-    It has no name. Named shared memory outlives a process that is killed, and Python's tracker of
+    The file has no name: named shared memory outlives a killed process, and Python's tracker of
     such names would remove it when the first process ends.
     """
     descriptor = os.memfd_create("haptic_accel")
@@ -109,26 +109,26 @@ def memory_file() -> int:
 
 
 RATE = 960.0
-"""Rate without ``rate:=``, Hz: near the paper's 1 kHz, and a whole multiple of 24, 30, 48, 60 and
-120, so that a frame of LeRobot has a whole number of samples."""
+"""Default rate, Hz: near the paper's 1 kHz, and a whole multiple of 24, 30, 48, 60 and 120, so
+that a frame of LeRobot has a whole number of samples."""
 
 DEVICES = NO_ARM, names.SIMULATED, names.VIRTUAL, names.REPLAY
-"""Devices in the place of an arm: none on a sound card, and those that need no hardware."""
+"""Devices allowed as an arm: none, with a sound card, and those without hardware."""
 
 START = 30.0
-"""Longest time until the process runs, s: it loads its libraries and measures the card's round
-trip, which a busy machine makes slow."""
+"""Time-out for the start of the process, s: loading libraries and measuring the card's round trip
+are slow on a busy machine."""
 
 END = 3.0
-"""Longest time for the process to end when it is told to, s. Where the card's server is gone,
-PortAudio never ends."""
+"""Time-out for the requested end of the process, s. If the card's server is gone, PortAudio never
+ends."""
 
 STALE = 0.2
-"""Age of the newest sample above which the fast path counts as stopped, s: far above the delay of
-any card."""
+"""Age of the newest sample above which the fast path counts as stopped, s: far above any card's
+delay."""
 
 RUNNING = "running:"
-"""Begin of the line that the process prints once it runs."""
+"""Prefix of the line that the process prints once it runs."""
 
 
 def read_arguments(text: str) -> names.GraphArguments:
@@ -137,7 +137,7 @@ def read_arguments(text: str) -> names.GraphArguments:
     Raises
     ------
     ParameterError
-        A word or a value is not allowed, or names an arm, which LeRobot moves.
+        An argument is not allowed, or selects an arm, which LeRobot moves.
     """
     try:
         words = shlex.split(text)
@@ -160,7 +160,7 @@ def samples_per_frame(rate: float, fps: int) -> int:
     Raises
     ------
     ParameterError
-        They are not a whole number, or too many to be read together.
+        The number is not whole, or too large to read at once.
     """
     if fps < 1 or rate % fps or rate > fps * LONGEST:
         raise ParameterError(
@@ -176,7 +176,7 @@ def tool_axes(arguments: names.GraphArguments) -> Axes:
     Raises
     ------
     ParameterError
-        Its parameters are not usable.
+        The accelerometer's parameters are unusable.
     """
     return build_device("slave_device", *Setup.of(arguments).node("slave_device")).axes
 
@@ -184,9 +184,9 @@ def tool_axes(arguments: names.GraphArguments) -> Axes:
 class FastPath:
     """Running fast path, whose coil is silent until `feel`.
 
-    It is a process of its own, because a thread would share Python's lock with LeRobot, whose
-    loop, networks and image encoding hold it for 5 ms and more: five ticks. It is a new Python
-    rather than one of `multiprocessing`, which would load LeRobot's program again.
+    The fast path is a separate process, because a thread would share Python's lock with LeRobot,
+    whose loop, networks and image encoding hold it for 5 ms and more, or five ticks. The process
+    is started without `multiprocessing`, which would load LeRobot's program again.
 
     Parameters
     ----------
@@ -196,18 +196,18 @@ class FastPath:
     ----------
     arguments : GraphArguments
     remarks : str
-        Remarks of the devices, and the process' scheduling.
+        Remarks of the devices, and the scheduling class of the process.
     process : Popen
     ring : Ring
     users : int
-        Number of devices that use it; see `join`.
+        Number of devices that use the fast path; see `join`.
     is_told : bool
-        One of them has told its `problem`.
+        True once a device has logged its `problem`.
 
     Raises
     ------
     DeviceError
-        It does not start: no card, no answer of an accelerometer, a value that is not allowed.
+        The fast path does not start: no card, no answer of an accelerometer, or an invalid value.
     """
 
     def __init__(self, arguments: names.GraphArguments) -> None:
@@ -238,14 +238,14 @@ class FastPath:
         return line.removeprefix(RUNNING).strip()
 
     def _line(self) -> str:
-        """Return the process' next line, or how it has ended."""
+        """Return the next line of the process, or the reason of its end."""
         line = self._output.readline().strip()
         return line or f"ended with status {self.process.wait()}"
 
     @property
     def problem(self) -> str:
-        """Reason why no vibration is felt or measured; empty while the fast path runs."""
-        # The reason comes before the end, which a lost card may delay for ever.
+        """Reason why no vibration is rendered or measured; empty while the fast path runs."""
+        # Read the reason without waiting for the end, which a lost card may delay forever.
         if not self._reason and select.select([self._output], [], [], 0)[0]:
             self._reason = self._line()
         if self._reason:
@@ -259,7 +259,7 @@ class FastPath:
         self.ring.counts[FELT] = time.monotonic_ns()
 
     def window(self, size: int) -> FloatArray | None:
-        """Return the newest samples, which are awaited at the start; None with a `problem`.
+        """Return the newest samples, after a wait at the start; None if there is a `problem`.
 
         Returns
         -------
@@ -273,7 +273,7 @@ class FastPath:
         return None
 
     def close(self) -> None:
-        """End the process, with a silent coil."""
+        """End the process with a silent coil."""
         with self.process as process:
             process.terminate()
             try:
@@ -283,16 +283,16 @@ class FastPath:
 
 
 _RUNNING: list[FastPath] = []
-"""Fast path that the leader and the follower of this process share: a card opens once."""
+"""Fast path that leader and follower of this process share, as a card can be opened only once."""
 
 
 def join(arguments: names.GraphArguments) -> FastPath:
-    """Return the fast path of this process, which the first device starts.
+    """Return the fast path of this process; the first call starts it.
 
     Raises
     ------
     ParameterError
-        It runs with other arguments.
+        The fast path runs with other arguments.
     DeviceError
         It does not start.
     """

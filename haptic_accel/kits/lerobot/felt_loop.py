@@ -3,8 +3,9 @@
 
 """Process of the fast path: accelerometers, compensation, safety layer and coil; no ROS.
 
-It is started with the file of its `Ring`, the process that it ends with, and words ``key:=value``.
-It prints one line once it runs, after `RUNNING`, and one if an error ends it.
+The process is started with the file of its `Ring`, the id of the parent with which it ends, and
+arguments ``key:=value``. It prints one line with the prefix `RUNNING` once it runs, and one if an
+error ends it.
 """
 
 from __future__ import annotations
@@ -34,24 +35,24 @@ from haptic_accel.setup.node_parameters import SAFETY, build_device
 
 FELT_TIME, LOOKING_PERIOD = 500_000_000, 100_000_000
 """Time for which a request lets the coil move, ns: much longer than a frame of LeRobot, and short
-for a process that hangs. Interval between looks for a pending emergency stop, ns: the nodes'."""
+if LeRobot hangs. Interval between checks for a pending emergency stop, ns: as for the nodes."""
 
 REST = 20e-6
-"""Shortest sleep between two looks at the clock, s. A real-time process that never sleeps is ended
-by the kernel, and starves the others before."""
+"""Minimum sleep between two readings of the clock, s. The kernel ends a real-time process that
+never sleeps, which before that starves other processes."""
 
 
 class FeltLoop:
     """Loop of one leader and one follower on the machine's sampling grid.
 
-    It is the loop of a graph in one process, without its messages. Arms that LeRobot moves have no
-    position here; those of the virtual rig are coupled.
+    The loop equals that of a graph in one process, without messages. Arms that LeRobot moves have
+    no position in this loop; those of the virtual rig are coupled.
 
     Parameters
     ----------
     arguments : GraphArguments
     ring : Ring
-        Where the gripper's samples go, and where it says whether the coil may move.
+        Receives the gripper's samples, and contains the requests to let the coil move.
 
     Raises
     ------
@@ -92,7 +93,7 @@ class FeltLoop:
         self._arrivals = {arm: timing.ArrivalKeeper(self._rate / self._frame) for arm in ARMS}
 
     def work(self) -> float:
-        """Do the work that is due; return the steady time of the next, s."""
+        """Do the work that is due; return the steady time of the next work, s."""
         if self._may_feel(time.monotonic_ns()) != self._felt:
             self._feel(not self._felt)
         tick = self._keeper.due()
@@ -112,7 +113,7 @@ class FeltLoop:
         return wake
 
     def _may_feel(self, now: int) -> bool:
-        """Return whether the coil is asked for, and no emergency stop is pending."""
+        """Return whether coil motion is requested and no emergency stop is pending."""
         if now - self._looked >= LOOKING_PERIOD:
             self._looked, self._stopped = now, self._pending.holds()
         return not self._stopped and bool(now - self._ring.counts[FELT] < FELT_TIME)
@@ -132,7 +133,7 @@ class FeltLoop:
 
 
 def _built(setup: Setup[GraphArguments], arm: str) -> tuple[Device, ticks.DeviceSide]:
-    """Return an arm's device, and the same behind its safety layer."""
+    """Return an arm's device, and its `DeviceSide` with the safety layer."""
     own, options = setup.node(f"{arm}_device")
     device = build_device(f"{arm}_device", own, options)
     safety = ticks.SafetyLayer(options[SAFETY], own.rate, device.axes)
@@ -162,7 +163,7 @@ def run(loop: FeltLoop, ring: Ring, parent: int) -> None:
     timing.ask_for_realtime()
     loop.begin()
     is_told = False
-    # A pipe would not do: a process that the parent has forked keeps its end open.
+    # A pipe is no alternative: another child of the parent would keep its other end open.
     while not ends and os.getppid() == parent:
         wake = loop.work()
         if ring.counts[WRITTEN] and not is_told:
@@ -175,7 +176,7 @@ def run(loop: FeltLoop, ring: Ring, parent: int) -> None:
 def main(words: Sequence[str]) -> int:
     """Run the process; return its exit status."""
     descriptor, parent, *given = words
-    # Libraries may print, too: their lines go to the terminal.
+    # Libraries may print, too; redirect their lines to the terminal.
     sys.stdout = os.fdopen(os.dup(sys.stdout.fileno()), "w")
     os.dup2(sys.stderr.fileno(), 1)
     with ExitStack() as opened:

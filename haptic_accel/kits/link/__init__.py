@@ -3,5 +3,5 @@
 
 """Link of two hosts: transports, keys, half couplers and the processes that carry datagrams."""
 
-# First of all, as it limits the threads of BLAS before NumPy is loaded.
+# First of all, to limit the threads of BLAS before NumPy is loaded.
 import haptic_accel.nodes  # noqa: F401

@@ -31,7 +31,7 @@ _LONGEST_FILE = 1000
 
 
 class Authenticator:
-    """Add a tag to datagrams, by which the peer verifies their origin.
+    """Authenticator of datagrams by a tag, from which the peer verifies their origin.
 
     The tag is keyed BLAKE2b (RFC 7693) of the complete datagram, for the sending side and its
     graph's namespace. A datagram that is reflected to its sender, or forwarded to another graph
@@ -98,7 +98,7 @@ def read_key(folder: str) -> bytes:
     """
     path = Path(folder, LINK_KEY)
     try:
-        # Do not wait for the other end of a pipe.
+        # Non-blocking, so that a FIFO in place of the file does not block.
         with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
             mode, data = os.fstat(file.fileno()).st_mode, file.read(_LONGEST_FILE)
     except OSError as error:

@@ -41,7 +41,8 @@ NAME = r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?"
 """Form of a host's name."""
 
 SLACK = timedelta(days=1)
-"""Time by which validity precedes creation, as clocks of hosts without a network are late."""
+"""Time by which validity starts before creation, as clocks of hosts without a network may be
+slow."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def certified_pair(hosts: Sequence[Sequence[str]]) -> list[Identity]:
         A host's name is missing, or not allowed in a certificate.
     """
     authority_key = ec.generate_private_key(CURVE)
-    # A unique name, which distinguishes the authority from other pairs' authorities.
+    # A unique name distinguishes this authority from those of other pairs.
     name = f"haptic_accel {token_hex(8)}"
     issuer = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     authority = (

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Verb of the kit."""
+"""Heading and summary of the command ``haptic-accel keys``."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 
 """Executable `composed_slave`: the slave host's nodes, as in `composed`, without the link.
 
-The link is separate, as the only process that the network reaches.
+The link is a separate process, the only one that the network can reach.
 """
 
 from __future__ import annotations

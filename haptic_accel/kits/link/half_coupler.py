@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `half_coupler`: the half of the coupling at this host's arm.
+"""Executable `half_coupler`: this host's side of the coupling between two hosts.
 
 It exchanges datagrams with this host's link, which exchanges them with the peer's link.
 """
@@ -25,14 +25,14 @@ from haptic_accel.nodes.signals import Samples
 from haptic_accel.nodes.timing import RateKeeper, system_time, wake_time
 
 MOST_TOLD = 20
-"""Most lines of the log about the peer: what is wrong with its packets can be worded by others."""
+"""Maximum number of log lines about the peer, because other senders can cause such lines."""
 
 
 class HalfCoupler(CouplingNode):
-    """Couples this host's arm to the peer's arm.
+    """Node that couples this host's arm to the peer's arm.
 
-    On the master's host it publishes the tool's acceleration, one sample at each tick of the
-    sampling grid, stamped with that tick, as if the slave device were here.
+    On the master's host the node publishes the tool's acceleration, one sample per tick of the
+    sampling grid with the tick's stamp, as if the slave device were on this host.
     """
 
     def __init__(self) -> None:
@@ -127,7 +127,7 @@ class HalfCoupler(CouplingNode):
         for tool in tools:
             self._send_tool(tool.stamp + offset, tool.acceleration)
         (force,) = self.forces.values()
-        for caused in commands:  # the same for both arms, of which one is here
+        for caused in commands:  # equal for both arms, only one of which is on this host
             force.send(caused.m_stamp + offset, (caused.m_x, caused.m_y, caused.m_z))
             self._send_peer_position(caused.m_stamp + offset, self._end.set_point[0])
 
@@ -154,11 +154,11 @@ class HalfCoupler(CouplingNode):
         return came and not self._motions.waiting
 
     def _play(self) -> float:
-        """Play the tool's sample of each due tick; return the time of the next tick, s."""
+        """Publish the tool's sample of each due tick; return the time of the next tick, s."""
         if self._ticks is None:
             return math.inf
         while (tick := self._ticks.due()) is not None:
-            # The nominal time of the tick, even if several ticks are served late.
+            # Use the nominal time of the tick, even if several ticks are served late.
             moment = self._ticks.time(tick)
             if played := self.part.begin(moment / NANOSECONDS, system_time(moment)):
                 self.publish([played], [], offset=0)

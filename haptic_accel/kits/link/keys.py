@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``haptic-accel keys``: the keys and certificates with which two hosts know each other."""
+"""``haptic-accel keys``: keys and certificates for the authentication of two hosts."""
 
 from __future__ import annotations
 

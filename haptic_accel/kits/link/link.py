@@ -37,8 +37,8 @@ END_CHECK_PERIOD = 0.25
 """Interval of checks for the end while nothing is received, s."""
 
 BURST, BURST_TIME, BREAK = 500, 0.1, 1e-3
-"""Number of datagrams and time, s, that exceed any traffic between two hosts, and the pause that
-follows, s. A flooded port must not use up the processor."""
+"""Number of datagrams within a time, s, that exceeds any traffic between two hosts, and the pause
+after it, s, so that a flooded port does not use up the processor."""
 
 
 class UdpCarrier:
@@ -62,7 +62,7 @@ class UdpCarrier:
     ) -> None:
         self._authenticator, self._refused = authenticator, refused
         self._socket = bound(route.own, route.own_port)
-        # Closing a socket does not wake threads that wait for it.
+        # Use a time-out: closing a socket does not wake threads that wait for it.
         pause = struct.pack("ll", 0, round(END_CHECK_PERIOD * 1e6))
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, pause)
         family = self._socket.family
@@ -111,7 +111,7 @@ REPEAT = 60.0
 
 
 class PeerMonitor:
-    """Convert reception and loss of datagrams to log lines, one for each change.
+    """Monitor that reports reception and loss of datagrams, with a log line for each change.
 
     Parameters
     ----------
@@ -198,10 +198,10 @@ def advice(route: Route, side: str, transport: str) -> str:
 
 
 SEARCH_PERIOD = 2.0
-"""Interval between attempts to find the way to a peer, s."""
+"""Interval between attempts to find the route to a peer, s."""
 
 NOTE_PERIOD = 1.0
-"""Interval between lines to the coupler about this link, s, as it may have started again."""
+"""Interval between status lines to the coupler, s, which may have been restarted."""
 
 INSECURE = (
     "insecure:=true: datagrams are not authenticated: whoever reaches the port can move the arm;"
@@ -230,15 +230,15 @@ class Carrier(Protocol):
 def carry(
     local: LocalEnd, carrier: Carrier, monitor: PeerMonitor, signals: Signals, note: str = ""
 ) -> None:
-    """Carry datagrams both ways until the process has to end.
+    """Carry datagrams in both directions until the process must end.
 
     A separate thread carries the peer's datagrams, so that each direction sleeps until a datagram
-    comes. The coupler gets a line on a fault, or the note if there is none.
+    comes. The coupler receives a line on a fault or, without a fault, the note.
 
     Raises
     ------
     Exception
-        Error that ended that thread.
+        Any error that has ended the separate thread.
     """
     failures: list[Exception] = []
 
@@ -283,12 +283,12 @@ def _run(signals: Signals) -> None:
     namespace, level, parameters = _given(sys.argv[1:])
     logging.addLevelName(logging.WARNING, "WARN")
     logging.basicConfig(format=_FORMAT, level=level.upper())
-    logging.raiseExceptions = False  # there may be no reader
+    logging.raiseExceptions = False  # the log may have no reader
     key = read_key(parameters.keys) if parameters.keys and parameters.transport == UDP else b""
     way = _way(parameters, namespace, signals)
     if way is None:
         return
-    # This machine's name might resolve elsewhere.
+    # Check the resolved address: this machine's name might resolve to another host.
     check_peer(way.peer, parameters.transport, parameters.keys, insecure=parameters.insecure)
     hints = advice(way, parameters.side, parameters.transport)
     monitor = PeerMonitor(f"peer {way.host}", hints, parameters.keys, time.monotonic())
@@ -309,7 +309,7 @@ def _run(signals: Signals) -> None:
 
 
 def _way(parameters: LinkNodeParameters, namespace: str, signals: Signals) -> Route | None:
-    """Return the transport to the peer once available; None if the process has to end before.
+    """Return the route to the peer once available; None if the process must end before.
 
     A robot may start before its network.
     """
@@ -332,7 +332,7 @@ def _given(words: Sequence[str]) -> tuple[str, str, LinkNodeParameters]:
     Raises
     ------
     ParameterError
-        A word or value is not allowed, a file cannot be read, or no peer is given.
+        An argument is not allowed, a file cannot be read, or no peer is specified.
     """
     given = [word for word in words if word != "--ros-args"]
     namespace, level, files = "", "info", list[Path]()

@@ -50,7 +50,7 @@ class LocalEnd:
     Attributes
     ----------
     dropped : int
-        Number of datagrams not sent, as the other end did not exist or did not receive for too
+        Number of datagrams not sent because the other end did not exist or did not receive for too
         long.
     note : str
         Newest status line of the other end.

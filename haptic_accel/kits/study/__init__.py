@@ -3,7 +3,7 @@
 
 """Studies with participants: protocol, trials, log, analysis and export.
 
-A study is one YAML file, the `protocol`. `plan` makes the trials of a participant from it,
-`session` runs them on a rig with a participant, and `log` keeps what happened. Rig and participant
-are interfaces of `trials`: the live graph and a page, or simulated observers.
+A study is one YAML file, the `protocol`. `plan` makes the trials of a participant from the
+protocol, `session` runs them on a rig with a participant, and `log` records all events. Rig and
+participant are interfaces of `trials`: the live graph and a page, or simulated observers.
 """

@@ -60,14 +60,14 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 
 OPERATOR = "stopped by the operator"
-"""End of a sitting by a signal or the stop key."""
+"""Reason of a sitting's end by a signal or the stop key."""
 
 LAST_SCREEN = 1.0
-"""Time for the page to take its last screen, s."""
+"""Time for the page to load its last screen, s."""
 
 
 def study_argument(verb: F) -> F:
-    """Add the argument for the folder of a study, which the verb receives as a `Study`."""
+    """Add the argument for the folder of a study, which the command receives as a `Study`."""
 
     @wraps(verb)
     def with_study(*arguments: Any, study: Path, **settings: Any) -> Any:
@@ -158,7 +158,7 @@ def simulate(
     The observers follow `observer` and `strengths` of the protocol. The power is the share of
     simulated studies in which a test is significant, with its 95 % interval.
     """
-    # Its libraries take a second to import, for which other verbs need not wait.
+    # Imported here, because the libraries take a second to load.
     from haptic_accel.commands import run_side_by_side
 
     protocol = study.protocol
@@ -357,7 +357,7 @@ STATUS = (
     Column("minutes", "min", "", 1),
     Column("exposure", "A(8)", "m/s^2", 2),
 )
-"""Columns of a participant that an operator may see."""
+"""Columns on a participant that an operator may see."""
 
 ENDS = (
     Column("participant", "participant"),
@@ -405,7 +405,7 @@ def _unblinded(study: folders.Study) -> str:
 
 
 def _unsealed(study: folders.Study) -> list[SessionRecord]:
-    """Return the sessions of a study that is unblinded."""
+    """Return the sessions of an unblinded study."""
     if study.sealed:
         raise ParameterError(
             f"{study.folder}: conditions are sealed; haptic-accel study unblind opens them"
@@ -432,13 +432,13 @@ def _included(study: folders.Study) -> int:
 
 
 def _print_doubts(study: folders.Study) -> None:
-    """Print the sittings that only the journal or only the logs have."""
+    """Print sittings that are only in the journal or only in the logs."""
     for line in study.doubts:
         print(line)
 
 
 def _emptied(folder: Path) -> Path:
-    """Return a folder of results, without those of before."""
+    """Empty a folder of results and return it."""
     for each in (folder, folder.parent):
         if each.name in (folders.ANALYSIS, folders.EXPORT, *FORMS) and each.is_symlink():
             raise ParameterError(f"{each}: is a link: must be a folder, or nothing")
@@ -456,7 +456,7 @@ def _significant(protocol: Protocol, participants: int, seed: int) -> list[bool]
 
 
 def _write_simulated(study: folders.Study, folder: Path, participants: int, seed: int) -> None:
-    """Write a simulated study, whose journal says that it is one."""
+    """Write a simulated study, with a note of the simulation in its journal."""
     make_folder(folder)
     (folder / folders.PROTOCOL).write_text(study.protocol.content, encoding="utf-8")
     simulated = folders.Study(folder)
@@ -469,7 +469,7 @@ def _write_simulated(study: folders.Study, folder: Path, participants: int, seed
 
 
 def _run_session(study: folders.Study, log: Log, port: int, *, opened: bool) -> None:
-    """Run a session on the live graph with a participant at a page, and show how it ended."""
+    """Run a session on the live graph with a participant at a page, and show why it ended."""
     with log:
         begun = log.record
         try:
@@ -489,7 +489,7 @@ def _run_session(study: folders.Study, log: Log, port: int, *, opened: bool) -> 
 def _ended(
     study: folders.Study, log: Log, begun: SessionRecord, port: int, *, opened: bool
 ) -> str:
-    """Run a session, with its progress on the terminal; return how it ended."""
+    """Run a session, with its progress on the terminal; return the reason of its end."""
     from haptic_accel.kits.study.live import LiveRig
     from haptic_accel.kits.study.participant_page import ParticipantPage, read_texts
 

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The verb ``haptic-accel study``: its verbs and their summaries."""
+"""Command ``haptic-accel study``: its subcommands and their summaries."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conditions as settings of the graph, and the check that the graph can deliver all of them."""
+"""Conditions as settings of the graph, and the check that the graph can deliver them."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from haptic_accel.setup.arguments import parse_arguments
 from haptic_accel.setup.processes import graph
 
 LIVE = ("controller", GAIN, "surface", "grip", "reduction", NETWORK)
-"""Factors that change while a graph runs; a surface only if it is no recording."""
+"""Factors that can change while a graph runs; a surface only if it is no recording."""
 
 FILES = ("surface", "rig", "params_file", "replay")
-"""Arguments that may name files, whose relative paths are from the protocol's folder."""
+"""Arguments that may name files; relative paths start at the protocol's folder."""
 
 GAIN_RANGE = Specification("gain of the desired acceleration", low=0.0, high=LARGEST_GAIN)
 
@@ -36,13 +36,13 @@ DEVICES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "surface": ("slave", (names.SIMULATED, names.VIRTUAL)),
     "grip": ("master", (names.SIMULATED, names.POINTER)),
 }
-"""Factors that need some devices, with the arm and its devices."""
+"""Factors that need particular devices, with the arm and its devices."""
 
 BYTES_PER_TICK = 1800
 """Size of a bag per tick of the graph, bytes: 1.8 MB/s at 1 kHz, a third more than measured."""
 
 BLANK = re.compile(r"\[\[\s*blank\b:?\s*([^\]]*)", re.IGNORECASE)
-"""Blank of a template's text, and what is to be written there."""
+"""Pattern of a blank in a template's text, with the instruction for filling it."""
 
 _CHANNEL = re.compile(r"(\d+(?:\.\d+)?)(?:\+-(\d+(?:\.\d+)?))?(?:,(\d+(?:\.\d+)?)%)?")
 
@@ -52,7 +52,7 @@ Settings = Iterable[tuple[str, Value]]
 
 
 def arguments(protocol: Protocol, condition: Condition) -> GraphArguments:
-    """Return the settings of a condition that a graph must have from its start.
+    """Return the settings of a condition that must be set at the graph's start.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def arguments(protocol: Protocol, condition: Condition) -> GraphArguments:
 
 
 def live(protocol: Protocol, condition: Condition) -> dict[str, Value]:
-    """Return the settings of a condition that are changed in a running graph, by factor."""
+    """Return the settings of a condition that can change in a running graph, by factor."""
     return {
         name: _located(protocol, name, value)
         for name, value in condition.settings
@@ -101,7 +101,7 @@ def _gain(value: Value) -> float:
 
 
 _OTHERS: Mapping[str, Callable[[Value], object]] = {GAIN: _gain, NETWORK: channel}
-"""Checks of the factors that are no argument of the graph."""
+"""Checks of the factors that are not arguments of the graph."""
 
 
 def check_deliverable(protocol: Protocol) -> None:
@@ -110,8 +110,7 @@ def check_deliverable(protocol: Protocol) -> None:
     Raises
     ------
     ParameterError
-        A condition needs a file, a device or a value that is not there, or the session is longer
-        than its limit.
+        A condition needs a missing file, device or value, or the session is longer than its limit.
     """
     file = _document(protocol)
     with file.located("language"):
@@ -138,7 +137,7 @@ def check_blanks(protocol: Protocol) -> None:
     Raises
     ------
     ParameterError
-        With the line of the text, and all its blanks.
+        The message has the line of the text, and all its blanks.
     """
     file = _document(protocol)
     for location, name in (*(((), text) for text in TEXTS), (("consent",), "text")):
@@ -174,7 +173,7 @@ def _parsed(protocol: Protocol, settings: Settings) -> GraphArguments:
 
 
 def _located(protocol: Protocol, name: str, value: Value) -> Value:
-    """Return a value, with the paths of files beside the protocol as absolute paths."""
+    """Return a value, with file paths relative to the protocol's folder made absolute."""
     if name not in FILES or not isinstance(value, str):
         return value
     beside = [protocol.source.parent / each for each in value.split(",")]
@@ -183,7 +182,7 @@ def _located(protocol: Protocol, name: str, value: Value) -> Value:
 
 
 def _check_graph(found: GraphArguments, condition: Condition) -> None:
-    """Check that a graph can start with arguments, and that its devices suit the condition."""
+    """Check that a graph can start with its arguments, and that its devices suit a condition."""
     graph(replace(found, record=False))
     for name, value in condition.settings:
         arm, devices = DEVICES.get(name, ("", ()))

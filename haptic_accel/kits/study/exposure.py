@@ -31,8 +31,8 @@ TRANSITION, TRANSITION_Q = 15.915, 0.64
 """Transition from constant acceleration to constant velocity, Hz: f3 = f4 and Q2 of table A.1."""
 
 ZERO = -0.22
-"""Zero of the digital filter that keeps its weights within the tolerance of ISO 8041, -11 to
-+12 %, up to 0.3 of the rate, where poles alone weigh too much."""
+"""Zero of the digital filter, which keeps the weights within the tolerance of ISO 8041, -11 to +12
+%, up to 0.3 of the rate; with poles only, they would be too large."""
 
 
 class WeightedDose:

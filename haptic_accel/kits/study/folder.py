@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Folder of a study: its protocol and versions, its participants, and a journal of what was done.
+"""Folder of a study: protocol and versions, participants, and a journal of actions.
 
 ::
 
@@ -11,11 +11,11 @@
     participants/P07/     log.jsonl, bags/
     analysis/, export/    results, which a deletion removes
 
-A participant is in the first line of the log; the folder must say the same, and no other folder
-may have the same session, as it does after a copy or a conflict of a program that synchronises
-folders. The journal has the head of each log at the end of each sitting: a log that was changed
-or cut since then has another one. Who can write both files can forge both: a head in a notebook
-on paper is what such a person cannot change.
+The first line of a log names the participant; the folder must have the same name, and no other
+folder may have the same session, as after a copy or a conflict of a program that synchronises
+folders. The journal has the head of each log at the end of each sitting: a log that was changed or
+truncated since then has another head. A person who can write both files can forge both, but not a
+head in a notebook on paper.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ HEAD, DELETION = "head", "deletion"
 """Kinds of lines of the journal: a sitting's end, and the deletion of a participant."""
 
 NOTED_DIGITS, GROUP = 16, 4
-"""Hexadecimal digits of a head for a notebook, and of a group of them: 64 bits, so that another
-log with the same digits takes 10^19 attempts."""
+"""Number of hexadecimal digits of a head for a notebook, and of digits per group: 64 bits, so that
+another log with the same digits takes 10^19 attempts."""
 
 Logs: TypeAlias = Mapping[Path, tuple[Chain, SessionRecord]]
 """Logs by the folder of the participant."""
@@ -68,7 +68,7 @@ Logs: TypeAlias = Mapping[Path, tuple[Chain, SessionRecord]]
 
 @dataclass(frozen=True)
 class SittingEnd:
-    """End of a sitting, as the log has it.
+    """End of a sitting, as recorded in the log.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ def sitting_ends(logs: Logs, journal: Sequence[Entry]) -> list[SittingEnd]:
 
 
 def doubts(logs: Logs, journal: Sequence[Entry]) -> list[str]:
-    """Return lines on sittings that only the journal or only the logs have, unless deleted."""
+    """Return lines on sittings missing in journal or logs, unless deleted."""
     there = {chain.heads[0] for chain, _ in logs.values()}
     deleted = {entry.get("session") for entry in journal if entry["kind"] == DELETION}
     heads = {entry["session"] for entry in journal if entry["kind"] == HEAD}
@@ -128,12 +128,12 @@ def doubts(logs: Logs, journal: Sequence[Entry]) -> list[str]:
 
 
 def check_folders(participants: Path, logs: Logs) -> None:
-    """Refuse copies of a log, and a log in the folder of somebody else.
+    """Refuse copies of a log, and a log in another participant's folder.
 
     Raises
     ------
     ParameterError
-        With all that is wrong, in one line.
+        The message has all faults in one line.
     """
     if problems := "; ".join(_problems(logs)):
         raise ParameterError(
@@ -166,7 +166,7 @@ def check_journal(journal: Sequence[Entry]) -> None:
     Raises
     ------
     ValueError
-        With the number of its line.
+        The message has the number of the line.
     """
     for number, entry in enumerate(journal, 1):
         kinds = {"session": str, "line": int, "head": str} if entry["kind"] == HEAD else {}
@@ -175,12 +175,12 @@ def check_journal(journal: Sequence[Entry]) -> None:
 
 
 def check_heads(logs: Logs, journal: Sequence[Entry]) -> None:
-    """Refuse a log without the lines that the journal states.
+    """Refuse a log that lacks lines recorded in the journal.
 
     Raises
     ------
     ParameterError
-        With the file and its line.
+        The message has the file and the line.
     """
     heads: dict[str, list[Entry]] = {}
     for entry in journal:
@@ -215,12 +215,12 @@ def templates() -> dict[str, Path]:
 
 
 def write_template(name: str, folder: Path) -> Path:
-    """Write a template into a folder, which is made if it is not there; return the file.
+    """Write a template to a folder, which is made if missing; return the file.
 
     Raises
     ------
     ParameterError
-        There is no such template, or the folder has a protocol already.
+        The template is unknown, or the folder already has a protocol.
     """
     known = templates()
     if name not in known:
@@ -235,7 +235,7 @@ def write_template(name: str, folder: Path) -> Path:
 
 
 BAGS = "bags"
-"""Name in a participant's folder: a folder of bags, or a link to one."""
+"""Name of the folder of bags, or of a link to it, in a participant's folder."""
 
 BAG = re.compile(r"[0-9]{3,}")
 """Names of bags, counted from 000."""
@@ -243,22 +243,22 @@ BAG = re.compile(r"[0-9]{3,}")
 
 @dataclass(frozen=True)
 class Deletion:
-    """Files, folders and links that a deletion removes, and those that it leaves.
+    """Files, folders and links that a deletion removes, and those that it keeps.
 
     Attributes
     ----------
     removed : tuple of Path
-        In this order; the log and its folder come last, so that an interrupted deletion can be
-        repeated.
+        Removed paths in order; the log and its folder come last, so that an interrupted deletion
+        can be repeated.
     left : tuple of Path
-        Targets of links, and what is beside the bags in the target of `BAGS`.
+        Targets of links, and other files next to the bags in the target of `BAGS`.
     """
 
     removed: tuple[Path, ...]
     left: tuple[Path, ...]
 
     def carry_out(self) -> None:
-        """Remove all that is to be removed."""
+        """Remove everything in `removed`."""
         for path in self.removed:
             if path.is_dir() and not path.is_symlink():
                 shutil.rmtree(path)
@@ -267,19 +267,19 @@ class Deletion:
 
 
 def plan_deletion(folder: Path, results: tuple[Path, ...]) -> Deletion:
-    """Return the data that the deletion of a participant removes, and the data that stay.
+    """Return the data that the deletion of a participant removes, and the data that it keeps.
 
     Parameters
     ----------
     folder : Path
         Folder of the participant, with a log.
     results : tuple of Path
-        Folders of results, which hold all participants.
+        Folders of results, which contain data of all participants.
 
     Raises
     ------
     ParameterError
-        The folder is a link or behind one, or shares a linked folder of bags.
+        The folder is a link or reached through one, or shares a linked folder of bags.
     """
     for each in (folder, folder.parent):
         if each.is_symlink():
@@ -318,7 +318,7 @@ def _linked_bags(link: Path) -> Iterator[Path]:
 
 
 def _is_bag(path: Path) -> bool:
-    """Return whether a path is a folder as the recorder makes them, and holds nothing else."""
+    """Return whether a path is a recorder's bag folder without other files."""
     if not BAG.fullmatch(path.name) or path.is_symlink() or not path.is_dir():
         return False
     return all(
@@ -329,17 +329,17 @@ def _is_bag(path: Path) -> bool:
 
 JOURNAL, PARTICIPANTS, VERSIONS = "journal.jsonl", "participants", "versions"
 ANALYSIS, EXPORT = "analysis", "export"
-"""Names in a study's folder, beside `templates.PROTOCOL`."""
+"""Names of the results' folders in a study's folder."""
 
 VERSION, UNBLINDING = "version", "unblinding"
-"""Further kinds of lines of the journal."""
+"""Additional kinds of lines of the journal."""
 
 JOURNAL_TIME = 30.0
 """Longest time to wait for other processes that write to the journal, s."""
 
 PSEUDONYM = re.compile(r"(?=.*[0-9])(?!.*[0-9]{6})[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
-"""Form of a pseudonym. Names have no digit; dates of birth, telephone numbers and numbers of
-students have six in succession."""
+"""Pattern of a pseudonym. Names have no digit; dates of birth, telephone numbers and student
+numbers have six digits in succession."""
 
 
 class Study:
@@ -375,7 +375,7 @@ class Study:
         Raises
         ------
         ParameterError
-            A log cannot be read, is there twice, is in a wrong folder, or contradicts the journal.
+            A log cannot be read, exists twice, is in a wrong folder, or contradicts the journal.
         """
         return [session for _, session in self._logs().values()]
 
@@ -386,7 +386,7 @@ class Study:
 
     @property
     def doubts(self) -> list[str]:
-        """Lines on sessions that the journal or the logs have alone; raises as `sessions` does."""
+        """Lines on sittings missing in journal or logs; raises as `sessions` does."""
         return doubts(self._logs(), self.journal)
 
     @property
@@ -396,7 +396,7 @@ class Study:
         Raises
         ------
         ParameterError
-            It cannot be read, was changed, or there are two.
+            The journal cannot be read, was changed, or exists twice.
         """
         found = sorted(each.name for each in self.folder.glob("journal*.jsonl"))
         if any(name != JOURNAL for name in found):
@@ -418,7 +418,7 @@ class Study:
         Raises
         ------
         ParameterError
-            The word is no pseudonym, or like a name.
+            The text is no pseudonym, or resembles a name.
         """
         if not PSEUDONYM.fullmatch(participant):
             raise ParameterError(
@@ -433,7 +433,7 @@ class Study:
         Raises
         ------
         ParameterError
-            Its file cannot be read, or was changed.
+            The version's file cannot be read, or was changed.
         """
         file = self.folder / VERSIONS / f"{digest}.yaml"
         protocol = read_protocol(file)
@@ -442,17 +442,17 @@ class Study:
         return replace(protocol, source=self.folder / PROTOCOL)
 
     def begin(self, participant: str, seed: int | None = None, *, simulated: bool = False) -> Log:
-        """Return the log of a new participant, with the least row that no other one has.
+        """Return the log of a new participant, with the lowest unused row.
 
         Raises
         ------
         ParameterError
-            The participant has begun already, or the study has simulated observers and this is
-            none, or the reverse.
+            The participant has started already, or a simulated observer and persons would be in
+            the same study.
         """
         folder, protocol = self.participant_folder(participant), self.protocol
         (self.folder / PARTICIPANTS).mkdir(mode=0o700, exist_ok=True)
-        with self._open_journal() as journal:  # one at a time, as rows must differ
+        with self._open_journal() as journal:  # one process at a time, as rows must differ
             others = self.sessions
             if any(each.simulated != simulated for each in others):
                 raise ParameterError(
@@ -478,7 +478,7 @@ class Study:
         return log
 
     def withdraw(self, log: Log) -> None:
-        """Remove an open log in which nothing has happened since `begin`, with its bags.
+        """Remove an open log without events since `begin`, and its bags.
 
         The output of a graph that did not start remains in the folder.
         """
@@ -505,28 +505,28 @@ class Study:
         Raises
         ------
         ParameterError
-            There is no such participant, or nothing is left to do.
+            The participant is unknown, or the session is complete.
         """
         folder = self._existing(participant)
         if read_session(folder).ended == COMPLETE:
             raise ParameterError(f"participant = {participant!r}: the session is complete")
-        self._logs()  # refuses a log that was changed or is there twice
+        self._logs()  # refuse a log that was changed or exists twice
         return Log(folder / LOG)
 
     def unblind(self, reason: str) -> None:
-        """Let conditions be analysed from now on; the journal keeps when, and why."""
+        """Allow the analysis of conditions from now on; the journal records time and reason."""
         complete = sum(each.ended == COMPLETE for each in self.sessions)
         with self._open_journal() as journal:
             journal.add(UNBLINDING, reason=reason, complete=complete)
 
     def deletion(self, participant: str) -> Deletion:
-        """Return the data that `delete` removes, and the data that stay.
+        """Return the data that `delete` removes, and the data that it keeps.
 
         Raises
         ------
         ParameterError
-            There is no such participant, the log is there twice, or what is to be deleted is
-            behind a link.
+            The participant is unknown, the log exists twice, or data to delete are reached through
+            a link.
         """
         folder = self._existing(participant)
         copies = [
@@ -542,7 +542,7 @@ class Study:
         return plan_deletion(folder, tuple(self.folder / each for each in (ANALYSIS, EXPORT)))
 
     def delete(self, participant: str) -> None:
-        """Delete a participant's log and bags, and all results, which may hold them.
+        """Delete a participant's log and bags, and all results, which may contain their data.
 
         Raises
         ------
@@ -550,7 +550,7 @@ class Study:
             As for `deletion`, or the session is running.
         """
         deletion, file = self.deletion(participant), self.participant_folder(participant) / LOG
-        # The log need not be readable.
+        # Deletion works even if the log is not readable.
         with io.FileIO(file) as held, self._open_journal() as journal:
             lock(held, file)
             session = hashlib.sha256(held.readline()).hexdigest()
@@ -588,7 +588,7 @@ class Study:
 
 
 def _same_first_line(one: Path, other: Path) -> bool:
-    """Return whether two logs, readable or not, are of the same session."""
+    """Return whether two logs, readable or not, belong to the same session."""
     with located(one), opened(one, LARGEST_LOG) as first, opened(other, LARGEST_LOG) as second:
         line = first.readline()
         return line.endswith(b"\n") and line == second.readline()

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rig of a study: the live graph, which presents one condition after the other."""
+"""Rig of a study: the live graph, which presents the conditions in turn."""
 
 from __future__ import annotations
 
@@ -37,31 +37,30 @@ NODE = "study"
 """Name of the node that follows the graph."""
 
 SIGNALS = ("desired", "actual", "force", SCENE)
-"""Signals that are measured, and those that the participant's page shows."""
+"""Signals for the measures, and for the participant's page."""
 
 STARTING_TIME = 60.0
 """Longest time from the start of a graph until its arms are engaged, s."""
 
 SETTING, SETTLING = 0.2, CHANGING + 0.05
-"""Times from the request of a condition until all is set, and from then on until it is faded in,
-s: always the same, so that they tell nothing of what is changed. Meanwhile filters settle, and
-another reduction takes over."""
+"""Times from the request of a condition until all settings are made, and from then until the
+fade-in, s. They are constant, so that they do not reveal the changed settings. Meanwhile filters
+settle, and another reduction takes over."""
 
 NETWORK_SETTLING = 2.0
-"""Further time with a network between the arms, s: buffers take up another delay."""
+"""Additional settling time with a network between the arms, s: buffers adapt to a new delay."""
 
 LOOK_PERIOD, WEIGHING_PERIOD = 0.01, 0.5
-"""Intervals between looks at the graph, and between additions to the exposure, s."""
+"""Intervals between checks of the graph, and between additions to the exposure, s."""
 
 COMPENSATOR = "compensator"
 
 
 class LiveRig:
-    """Live graph that presents conditions, and measures what was delivered.
+    """Live graph that presents conditions, and measures the delivered stimuli.
 
-    Where the controller is a factor, each stimulus begins with a fresh controller.
-    Nothing of the graph's output is shown, as it names conditions. Up to 100,000 samples of a
-    stimulus are measured.
+    If the controller is a factor, each stimulus starts with a reset controller. The graph's output
+    is not shown, because it names conditions. Up to 100,000 samples of a stimulus are measured.
 
     Parameters
     ----------
@@ -72,7 +71,7 @@ class LiveRig:
     Attributes
     ----------
     windows : Windows
-        Latest signals, for a page; while the context is entered.
+        Latest signals for a page, while the context is entered.
     """
 
     windows: Windows
@@ -132,13 +131,13 @@ class LiveRig:
             self._restart(requested, network)
             presented = self._present(settings, network, seconds, begun)
         except (RequestError, RelayError, ParameterError) as error:
-            self._check()  # the reason is rather that the graph has ended
+            self._check()  # if the graph has ended, that is the reason
             raise UndeliveredError(str(error)) from None
         self._retried = False
         return presented
 
     def stop(self) -> None:
-        """Set all forces to zero, from any thread; nothing is presented afterwards."""
+        """Set all forces to zero, from any thread; no stimulus is presented afterwards."""
         self._stopped = True
         if self._graph:
             self._graph.stop_forces()
@@ -155,7 +154,7 @@ class LiveRig:
 
     @property
     def is_led(self) -> bool:
-        """True where a page can lead the hand."""
+        """True if a page can lead the hand."""
         return self._view.is_led
 
     # The graph
@@ -168,16 +167,16 @@ class LiveRig:
     def _needs(
         self, condition: Condition
     ) -> tuple[GraphArguments, dict[str, Value], ChannelParameters | None]:
-        """Return arguments, settings while it runs, and network of a condition's graph."""
+        """Return start arguments, live settings and network of a condition's graph."""
         requested, settings = arguments(self._protocol, condition), live(self._protocol, condition)
         if "network" not in settings:
             return requested, settings, None
-        if "surface" in settings:  # the slave's side cannot be reached but through the network
+        if "surface" in settings:  # the slave's side is reached only through the network
             requested = replace(requested, surface=str(settings.pop("surface")))
         return requested, settings, channel(settings["network"])
 
     def _restart(self, requested: GraphArguments, network: ChannelParameters | None) -> None:
-        """Start the graph again where it has ended, or has other arguments."""
+        """Start the graph again if it has ended or has other arguments."""
         ended = self._graph.ended if self._graph else ""
         same = requested == self._arguments and (network is None) == (self._relay is None)
         if self._graph and not ended and same:
@@ -201,7 +200,7 @@ class LiveRig:
             processes, self._relay = sides.processes, sides.relay
         for process in processes:
             if COMPENSATOR in process.parameters:
-                process.parameters[COMPENSATOR]["gain"] = 0.0  # until something is presented
+                process.parameters[COMPENSATOR]["gain"] = 0.0  # until the first stimulus
         self._view.forget()
         self._started = time.time_ns()
         self._graph = BackgroundGraph(processes, self._folder / "graph.log")
@@ -214,7 +213,7 @@ class LiveRig:
         self._network.close()
 
     def _await_arms(self) -> None:
-        """Wait until the arms are engaged, also again after they have let go."""
+        """Wait until the arms are engaged, also after a disengagement."""
         if not self._wait(STARTING_TIME, self._is_ready):
             raise UndeliveredError(f"graph: its arms are not engaged after {STARTING_TIME:g} s")
 
@@ -248,7 +247,7 @@ class LiveRig:
             raise UndeliveredError(f"{ended}; see {self._folder / 'graph.log'}")
 
     def _check_recorder(self) -> None:
-        """Refuse a stimulus whose bag may lack it, for example as the disk is full."""
+        """Refuse a stimulus that the bag may lack, for example because the disk is full."""
         for row in self._view.reports.rows(time.monotonic(), ()):
             if row["name"] == RECORDER and row["state"] in (LEVELS[1], LEVELS[2]):
                 raise UndeliveredError(f"{RECORDER}: {row['message']}")
@@ -266,7 +265,7 @@ class LiveRig:
         due = time.monotonic() + SETTING + settling
         gain = float(settings.get("gain", 1.0))
         changes = [make(settings[name]) for name, make in SETTINGS.items() if name in settings]
-        if "controller" in settings:  # otherwise the same one would begin with what it has learnt
+        if "controller" in settings:  # otherwise an unchanged controller would keep its adaptation
             self._joined.send(set_controller(NONE))
         self._joined.change(changes)
         if network and self._relay:
@@ -305,6 +304,6 @@ class LiveRig:
             self._weighed[axis] = count
             if len(values):
                 rate = self._arguments.rate
-                new = WeightedDose(rate), float(values[0])  # gravity is no vibration
+                new = WeightedDose(rate), float(values[0])  # gravity is subtracted
                 dose, rest = self._doses.setdefault((axis, rate), new)
                 dose.add(values - rest)

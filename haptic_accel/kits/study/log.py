@@ -1,12 +1,12 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Append-only log of a session: a line of JSON for each event, on the disk before the next one.
+"""Append-only log of a session: a line of JSON for each event, flushed to disk at once.
 
-Each line has the SHA-256 of the line before it, so that a line that was changed, removed or put
-in before others is found. The SHA-256 of the last line, the head, stands for the whole log: who
-kept it elsewhere finds a changed or missing end, and a log that was hashed again. What names
-conditions is sealed, in base64: an envelope against reading by accident, not a lock.
+Each line has the SHA-256 of the previous line, so that changed, removed or inserted lines are
+detected. The SHA-256 of the last line, the head, identifies the whole log: a copy of the head
+reveals a changed or missing end, and a log that was hashed again. Contents that name conditions
+are sealed in base64, to prevent reading by accident, not by intent.
 """
 
 from __future__ import annotations
@@ -39,23 +39,23 @@ LOG = "log.jsonl"
 """Name of a session's log in the participant's folder."""
 
 FORMAT = 1
-"""Version of the lines, in the first of each log."""
+"""Version of the format, stored in the first line of each log."""
 
 LARGEST_LOG = 1 << 28
-"""Largest log that is read, bytes: a trial takes some 2,000."""
+"""Maximum size of a log, bytes; a trial takes about 2,000."""
 
 PRIVATE = 0o600
-"""Mode of a log: readable by its owner alone."""
+"""File mode of a log: readable by its owner only."""
 
 SESSION, CONSENT, SITTING, TRIAL, END = "session", "consent", "sitting", "trial", "end"
-"""Kinds of a session's lines: its start, the answer to the consent's text, the start of a sitting,
-a trial, and the end of a sitting."""
+"""Kinds of a session's lines: its start, the answer to the consent text, the start of a sitting, a
+trial, and the end of a sitting."""
 
 RUNNING = "running"
-"""End of a session that a process runs at present."""
+"""State, in place of an end, of a session that a process is running."""
 
 LOCKING_TIME = 0.5
-"""Longest time for which a log is tried to be locked, s: readers lock it for an instant."""
+"""Time-out for locking a log, s; readers lock it only for an instant."""
 
 LOCK_RETRY_PERIOD = 0.01
 """Interval between two attempts to lock a log, s."""
@@ -72,8 +72,8 @@ class Chain:
     ----------
     entries : list of dict
     heads : list of str
-        SHA-256 of each line, in hexadecimal digits. The first one tells sessions apart, as their
-        first lines have the time and a random number.
+        SHA-256 of each line, in hexadecimal digits. The first one identifies the session, as the
+        first line has the time and a random number.
     size : int
         Size of all lines, bytes.
     """
@@ -95,12 +95,12 @@ class Entries:
         self.entries: list[Entry] = []
 
     def add(self, kind: str, **content: Any) -> None:
-        """Append an entry with the present time; once the method returns, it is kept."""
+        """Append an entry with the present time; it is stored once the method returns."""
         self.entries.append(self._entry(kind, content))
 
     @property
     def record(self) -> trials.SessionRecord:
-        """Session that the entries hold."""
+        """Session described by the entries."""
         return session_of(self.entries)
 
     def dose_since(self, begin: int) -> float:
@@ -115,22 +115,22 @@ class Entries:
 class Log(Entries):
     """Log in a file, which one process at a time may append to.
 
-    A line that is not complete at the end, after a kill or a power cut, was never acknowledged,
-    and is cut off.
+    An incomplete last line, after a kill or a power cut, was never acknowledged, and is removed.
 
     Parameters
     ----------
     file : Path
-        Made if it does not exist, with its folders.
+        File of the log, made with its folders if missing.
     patience : float
-        Longest time for which another process may have it, s.
+        Time-out while another process has the log open, s.
 
     Raises
     ------
     ParameterError
-        The file cannot be read, was changed, is of another version, or another process has it.
+        The file cannot be read, was changed, is of another version, or is in use by another
+        process.
     OSError
-        The disk is full; raised by `add`, too.
+        The disk is full; `add` raises this, too.
     """
 
     def __init__(self, file: Path, patience: float = LOCKING_TIME) -> None:
@@ -161,12 +161,12 @@ class Log(Entries):
         self._end.close()
 
     def add(self, kind: str, **content: Any) -> None:
-        """Append a line and wait until it is on the disk.
+        """Append a line and flush it to disk.
 
         Raises
         ------
         OSError
-            It cannot be written; the file ends with the line before it.
+            The line cannot be written; the file then ends with the previous line.
         """
         entry = self._entry(kind, content)
         before = self.heads[-1] if self.heads else ""
@@ -191,9 +191,9 @@ def lock(end: io.FileIO, file: Path, patience: float = LOCKING_TIME) -> None:
     Raises
     ------
     ParameterError
-        Another process runs it, also after `patience` s.
+        Another process still runs the session after `patience` s.
     """
-    import fcntl  # here, as Windows, which runs no session, has none
+    import fcntl  # not on Windows, where no session can run
 
     due = time.monotonic() + patience
     while True:
@@ -221,7 +221,7 @@ def is_running(file: Path) -> bool:
 
 
 def read_session(folder: Path) -> trials.SessionRecord:
-    """Return the contents of the log in a participant's folder, also while the session runs.
+    """Return the contents of the log in a participant's folder, even while the session runs.
 
     Raises
     ------
@@ -234,9 +234,9 @@ def read_session(folder: Path) -> trials.SessionRecord:
 
 
 def read_log(folder: Path) -> tuple[Chain, trials.SessionRecord] | None:
-    """Return the lines of the log in a participant's folder, and the session that they hold.
+    """Return the lines of the log in a participant's folder, and the session in them.
 
-    Without a complete line there is none.
+    The result is None without a complete line.
 
     Raises
     ------
@@ -244,7 +244,7 @@ def read_log(folder: Path) -> tuple[Chain, trials.SessionRecord] | None:
         As for `read_session`.
     """
     file = folder / LOG
-    running = is_running(file)  # before its lines are read, the last of which may end it
+    running = is_running(file)  # before the lines are read, as the last may end the session
     chain = read_chain(file)
     if not chain.entries:
         return None
@@ -276,7 +276,7 @@ def read_chain(file: Path) -> Chain:
 
 
 def session_of(entries: list[Entry]) -> trials.SessionRecord:
-    """Return the session that entries hold."""
+    """Return the session described by entries."""
     first = next((entry for entry in entries if entry["kind"] == SESSION), None)
     if first is None:
         raise ValueError("no line states a session")
@@ -294,7 +294,7 @@ def session_of(entries: list[Entry]) -> trials.SessionRecord:
 
 
 def trial_entry(record: trials.TrialRecord) -> Entry:
-    """Return the content of a trial's line, with its conditions, answer and measures sealed."""
+    """Return the content of a trial's line, with sealed conditions, answer and measures."""
     content = asdict(record)
     open_fields = {name: content.pop(name) for name in OPEN}
     return {"number": record.trial.number, **open_fields, "sealed": seal(content)}
@@ -317,7 +317,7 @@ def trial_of(entry: Entry) -> trials.TrialRecord:
 
 
 def seal(content: Mapping[str, Any]) -> str:
-    """Return content encoded as text, which nobody reads by accident."""
+    """Return content encoded as text, so that nobody reads it by accident."""
     return base64.b64encode(json.dumps(content).encode()).decode()
 
 

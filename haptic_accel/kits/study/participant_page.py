@@ -1,9 +1,9 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Page of a participant: shows the screens of a session and takes the answers.
+"""Page of a participant, which shows the screens of a session and receives the answers.
 
-The session calls it on one thread, the page's server on another.
+The session calls the page on one thread, the page's server on another.
 """
 
 from __future__ import annotations
@@ -36,25 +36,26 @@ from haptic_accel.scope.server import CommandError, ScopeServer, Touched, check_
 A = TypeVar("A")
 
 HANDLING_TIME = 3.0
-"""Longest time from an answer until the next question, s; then the page has to send it again."""
+"""Longest time from an answer until the next question, s; after that the page must send the answer
+again."""
 
 EVENT_POLL_PERIOD = 0.2
-"""Interval between two looks at other events while a question waits for its answer, s."""
+"""Interval between checks for other events while a question waits for its answer, s."""
 
 
 class Questions(Generic[A]):
-    """Questions one after the other; the first answer of each counts.
+    """Successive questions; the first answer to each counts.
 
-    One thread asks, the server's thread takes answers. An answer is acknowledged when the next
-    question comes, hence after it has been handled and stored; a page that hears nothing sends it
-    again, also after the server was restarted.
+    One thread asks; the server's thread receives answers. An answer is acknowledged with the next
+    question, hence after it has been processed and stored. Without an acknowledgement the page
+    sends it again, even after a restart of the server.
 
     Attributes
     ----------
     changed : Condition
         Held for access to the present question; notified of answers.
     answer : A or None
-        Answer of the present question.
+        Answer to the present question.
     """
 
     def __init__(self) -> None:
@@ -71,7 +72,7 @@ class Questions(Generic[A]):
         return f"{self._run}-{self._count}"
 
     def put(self, choices: Collection[str]) -> None:
-        """Begin the next question, with its answers; the answer before it has been handled."""
+        """Start the next question with its choices, which acknowledges the previous answer."""
         with self.changed:
             if not self._handled.done():
                 self._handled.set_result(None)
@@ -86,12 +87,12 @@ class Questions(Generic[A]):
                 self.changed.wait(EVENT_POLL_PERIOD)
 
     async def take(self, question: str, choice: str, answer: A) -> None:
-        """Take the answer of a page, and return when it is handled.
+        """Accept the answer of a page; return once it is processed.
 
         Raises
         ------
         CommandError
-            The question is not asked, the choice is none of its own, or it is not handled in time.
+            The question is not pending, the choice is not allowed, or processing takes too long.
         """
         with self.changed:
             handled = self._handled
@@ -106,7 +107,7 @@ class Questions(Generic[A]):
         if not current:
             return
         try:
-            # Another attempt waits for the same.
+            # Repeated attempts wait for the same future.
             waiting = asyncio.shield(asyncio.wrap_future(handled))
             await asyncio.wait_for(waiting, HANDLING_TIME)
         except asyncio.TimeoutError:
@@ -114,25 +115,25 @@ class Questions(Generic[A]):
 
 
 HOST = "127.0.0.1"
-"""Address of the page: this machine alone."""
+"""Address of the page, reachable from this machine only."""
 
 STIMULUS, OVER = "stimulus", ("stopped", "end")
-"""Kinds of screens: one that must be seen, and those that may follow a stop."""
+"""Kinds of screens: the one that must be seen, and those that may follow a stop."""
 
 UNSEEN = 1.5
-"""Longest time without a sign of the page during a stimulus, s; pages give four a second, and one
-a second where the browser saves power."""
+"""Longest time without a sign of life from the page during a stimulus, s; pages send four per
+second, or one per second if the browser saves power."""
 
 CLOCKS, PACES = 1.0, 0.01
-"""Time, s, and share by which a response time by the page's clock may exceed the time since the
-question began by this machine's."""
+"""Time, s, and fraction by which a response time by the page's clock may exceed the question's
+duration by this machine's clock."""
 
 ACTIONS: dict[str, list[str]] = {"open": [], "seen": [], "answer": [], "stop": []}
 """Actions of the page; their values are JSON lists."""
 
 
 class PageSource(Touched, Protocol):
-    """Rig as the page needs it; its methods are called on the server's thread."""
+    """Interface of the rig for the page; its methods are called on the server's thread."""
 
     @property
     def is_led(self) -> bool:
@@ -143,7 +144,7 @@ class PageSource(Touched, Protocol):
 
 
 def read_texts(language: str, beside: Path = Path()) -> dict[str, str]:
-    """Return the words of the page in a language.
+    """Return the texts of the page in a language.
 
     Parameters
     ----------
@@ -155,7 +156,7 @@ def read_texts(language: str, beside: Path = Path()) -> dict[str, str]:
     Raises
     ------
     ParameterError
-        The file does not exist, lacks a word or has an unknown one.
+        The file does not exist, lacks a text or has an unknown one.
     """
     folder = config_folder() / "studies" / "languages"
     own = language.endswith(".yaml")
@@ -169,15 +170,15 @@ class ParticipantPage:
     """Participant at a page, and source of the page's content.
 
     The page opened last is the participant's; others are silent. An answer is acknowledged when
-    the session goes on to its next screen: it must be logged before.
+    the session shows its next screen, because it must be logged before.
 
     Parameters
     ----------
     texts : mapping
-        Words of the page, from `read_texts`.
+        Texts of the page, from `read_texts`.
     source : PageSource
     port : int
-        Port of the page; 0 for any.
+        Port of the page; 0 for any free port.
     noise : float
         Level of the masking noise, dB of full scale; -100 for none.
 
@@ -186,7 +187,7 @@ class ParticipantPage:
     windows : Windows
         Signals of the rig.
     noise : float or None
-        Level of the noise that played, by the page's report, at the last sign of a stimulus.
+        Level of the noise that the page reported at its last sign of life during a stimulus.
     """
 
     def __init__(
@@ -214,17 +215,17 @@ class ParticipantPage:
         """Stop the session, from any thread or from a signal's handler."""
         self._stopped = self._stopped or reason
 
-    # The participant, for the session
+    # Interface of the participant, for the session
 
     def show(self, screen: Screen) -> None:
-        """Show a screen; return at once, but for a stimulus when a page shows it.
+        """Show a screen; return at once or, for a stimulus, once a page shows it.
 
         Raises
         ------
         StoppedError
             The participant has pressed stop, or `stop` was called.
         UndeliveredError
-            The page was lost during the stimulus before.
+            The page was lost during the previous stimulus.
         """
         self._put(screen)
         if screen.kind == STIMULUS:
@@ -256,19 +257,19 @@ class ParticipantPage:
             raise StoppedError(self._stopped)
 
     def _misses(self) -> bool:
-        """Return True if signs of the page have failed to come since its first."""
+        """Return True if the page's signs of life have stopped."""
         late = self._sign is not None and time.monotonic() - self._sign > UNSEEN
         self._missed = self._missed or late
         return self._missed
 
-    # The source, for the page's server
+    # Interface of the source, for the page's server
 
     def choices(self) -> dict[str, list[str]]:
         """Return the actions of the page."""
         return ACTIONS
 
     def state(self) -> dict[str, Any]:
-        """Return the screen, without anything of the conditions."""
+        """Return the screen, without information on conditions."""
         with self._questions.changed:
             screen, identity = asdict(self._screen), self._questions.id
             elapsed = time.monotonic() - self._begun
@@ -283,16 +284,16 @@ class ParticipantPage:
         return {**scene, "outlines": {"": lines}, "nodes": {}}
 
     def lead(self, x: float, z: float) -> str:
-        """Lead the hand to a point, m; return a refusal, or nothing."""
+        """Lead the hand to a point, m; return the reason if refused."""
         return self._source.lead(x, z)
 
     async def _act(self, action: str, value: Any) -> str:
-        """Carry out an action of the page; return nothing.
+        """Execute an action of the page; return an empty text.
 
         Raises
         ------
         CommandError
-            The action or its value is none of this page, or the answer none of the screen.
+            The action, its value or the answer is not allowed.
         """
         check_choice("action", action, ACTIONS)
         if action == "stop":
@@ -309,7 +310,7 @@ class ParticipantPage:
         self._page = str(page)
 
     async def _seen(self, screen: str, noise: float | None) -> None:
-        """Take a sign that the page shows a stimulus, with the level of its noise, dB."""
+        """Record a sign that the page shows a stimulus, with the level of its noise, dB."""
         with self._questions.changed:
             if screen == self._questions.id and noise == self._noise:
                 self._misses()
@@ -317,7 +318,7 @@ class ParticipantPage:
                 self._questions.changed.notify_all()
 
     async def _answer(self, screen: str, value: str, seconds: float) -> None:
-        """Take an answer with its response time, s, which cannot be longer than the question."""
+        """Accept an answer with its response time, s, at most the question's duration."""
         with self._questions.changed:
             asked = screen == self._questions.id
             longest = (time.monotonic() - self._begun) * (1 + PACES) + CLOCKS

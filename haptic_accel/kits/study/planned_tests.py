@@ -1,11 +1,11 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Planned tests of a study, on one value of each participant: trials are never pooled.
+"""Planned tests of a study, on one value per participant; trials are never pooled.
 
-Trials of one participant resemble each other. To count them as independent makes any study
-significant (pseudoreplication); the participants are the sample. Student's t-test is the planned
-one; signed ranks and flipped signs show whether its result hangs on a normal distribution.
+Trials of one participant are not independent; counting them as such would make any study
+significant (pseudoreplication). The participants are the sample. The planned test is Student's
+t-test; signed ranks and flipped signs show whether its result depends on a normal distribution.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class MeanTest:
     Attributes
     ----------
     n : int
-        Participants with a finite value.
+        Number of participants with a finite value.
     mean : Interval
         Mean of the differences with Student's interval: of `CONFIDENCE`, or for equivalence of
         1 - 2 alpha, which lies within the margin exactly if equivalence is shown.
@@ -55,7 +55,7 @@ class MeanTest:
     p : float
         Planned probability: of Student's t-test, or of flipped signs if all differences are equal.
     significant : bool
-        True if it is below alpha.
+        True if `p` is below alpha.
     """
 
     n: int
@@ -97,7 +97,7 @@ def mean_test(
     Returns
     -------
     MeanTest
-        Without probabilities for fewer than `FEWEST` participants.
+        Result, without probabilities for fewer than `FEWEST` participants.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def mean_test(
     mean = statistics.mean_interval(differences.tolist(), confidence)
     mean = replace(mean, method=f"Student's t, {n} participants")
     if math.isnan(worst.p_t):
-        # Differences that happen to be equal leave the interval unknown, not empty.
+        # For equal differences, the interval is unknown, not of zero length.
         mean = replace(mean, low=math.nan, high=math.nan, method="no scatter of participants")
     effect = standardised(differences.tolist())
     return MeanTest(n, mean, effect, worst.t, worst.p_t, p_ranks, p_signs, p, p < alpha)
@@ -141,9 +141,9 @@ def mean_test(
 def standardised(differences: Sequence[float]) -> statistics.Interval:
     """Return the standardised mean difference g_z with its interval.
 
-    The mean over the standard deviation, corrected for bias (Hedges, J. Educational Statistics 6,
-    1981); limits by inverting the noncentral t-distribution, exact without that correction. NaN
-    without scatter.
+    g_z is the mean divided by the standard deviation, corrected for bias (Hedges, J. Educational
+    Statistics 6, 1981). Its limits follow from inverting the noncentral t-distribution, and are
+    exact without that correction. The result is NaN if all differences are equal.
     """
     found = statistics.paired_difference([0.0] * len(differences), differences)
     n, d = found.n, found.effect
@@ -170,8 +170,8 @@ def standardised(differences: Sequence[float]) -> statistics.Interval:
 def _spreads(n: int) -> FloatArray:
     """Return quantiles of the estimated over the true standard deviation of n values.
 
-    The mean over them is an integral over its distribution; scipy's own noncentral t-distribution
-    fails for large t.
+    A mean over these quantiles is an integral over the distribution; scipy's noncentral
+    t-distribution fails for large t.
     """
     from scipy.special import chdtri
 
@@ -182,7 +182,7 @@ Values: TypeAlias = dict[str, float]
 """Value of each participant."""
 
 RANGES = {"correct": (0.0, 1.0), "preferred": (0.0, 1.0), "threshold": (0.0, math.inf)}
-"""Possible values of a measure; any for other measures."""
+"""Range of a measure's values; other measures have no limits."""
 
 
 @dataclass(frozen=True)
@@ -193,9 +193,9 @@ class CountedTrial:
     ----------
     participant : str
     family : str
-        Pair or condition, without its level, under which trials are analysed together.
+        Pair or condition, without its level; trials of one family are analysed together.
     condition : Condition
-        The comparison, or the only condition, at its level.
+        Comparison or only condition, at its level.
     record : TrialRecord
     answer : str
     """
@@ -211,7 +211,7 @@ Trials: TypeAlias = Sequence[CountedTrial]
 
 
 def counted(protocol: Protocol, sessions: Sequence[SessionRecord]) -> list[CountedTrial]:
-    """Return the counted trials of those who are not excluded, in the order of the protocol."""
+    """Return the counted trials of included participants, in the order of the protocol."""
     excluded = exclusions(protocol, sessions)
     items = {family(item): item for item in TASKS[protocol.task].items(protocol)}
     found = []
@@ -251,7 +251,7 @@ def by_participant(trials: Iterable[CountedTrial]) -> dict[str, list[CountedTria
 
 
 def right(trials: Trials) -> tuple[int, int]:
-    """Return the numbers of right answers and of trials."""
+    """Return the number of right answers, and of trials."""
     return sum(each.record.correct or False for each in trials), len(trials)
 
 
@@ -278,7 +278,7 @@ def preference(trials: Trials, words: str, against: str = "") -> float:
     ----------
     trials : sequence of CountedTrial
     words : str
-        The condition, as ``factor=value`` words.
+        Condition, as ``factor=value`` texts.
     against : str
         Condition of the other stimulus; empty for any other.
     """
@@ -305,7 +305,7 @@ MEASURES: Mapping[str, Callable[[Protocol, Trials], float]] = {
     "threshold": _threshold,
     "rating": lambda protocol, trials: fmean(float(each.answer) for each in trials),
 }
-"""Value of one participant's trials, by the measure of a planned test."""
+"""Functions that compute a measure of one participant's trials, by the measure's name."""
 
 NAMES = {
     "correct": "proportion correct",
@@ -344,13 +344,13 @@ class PlannedResult:
     ----------
     test : PlannedTest
     values : dict of float
-        Value of each participant; of two conditions, the difference.
+        Value of each participant; for two conditions, their difference.
     measured : str
         Name of the values, for readers.
     against : float
         Number that the values are tested against; 0 for differences.
     outcome : MeanTest
-        Its mean is that of the values minus `against`.
+        Test whose mean is that of the values minus `against`.
     within : tuple of float
         Ends of the range of possible values.
     """
@@ -364,9 +364,9 @@ class PlannedResult:
 
     @property
     def mean(self) -> Interval:
-        """Mean of the values with the possible part of the test's interval."""
+        """Mean of the values, with the test's interval limited to possible values."""
         mean, at = self.outcome.mean, self.against
-        # In this order, an unknown end stays unknown.
+        # In this argument order, an unknown (NaN) end stays unknown.
         low, high = max(mean.low + at, self.within[0]), min(mean.high + at, self.within[1])
         return replace(mean, value=mean.value + at, low=low, high=high)
 
@@ -397,7 +397,7 @@ def _result(protocol: Protocol, trials: Trials, test: PlannedTest) -> PlannedRes
 
 
 def chance(protocol: Protocol, measure: str) -> float:
-    """Return the value of a measure if nothing is perceived, or 0."""
+    """Return the value of a measure for guessing participants, or 0."""
     guess = TASKS[protocol.task].chance or 1 / max(len(protocol.conditions), 1)
     return {"correct": guess, "preferred": 0.5}.get(measure, 0.0)
 

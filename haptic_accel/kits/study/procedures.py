@@ -1,10 +1,10 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tasks, and procedures: choice of the item of each trial, by a plan or by the answers so far.
+"""Tasks, and procedures that choose the item of each trial, by plan or by earlier answers.
 
-A task has stimuli of a trial, admitted answers, and the right answer. Macmillan, Creelman,
-"Detection theory: a user's guide", 2nd edition, 2005, chapters 5, 7, 9 and 10.
+A task defines the stimuli of a trial, the admitted answers and the right answer. Macmillan,
+Creelman, "Detection theory: a user's guide", 2nd edition, 2005, chapters 5, 7, 9 and 10.
 
 Levitt, "Transformed up-down methods in psychoacoustics", JASA 49(2B), 467-477, 1971;
 Kaernbach, "Simple adaptive testing with the weighted up-down method", Perception & Psychophysics
@@ -13,8 +13,8 @@ method", Journal of Vision 17(3):10, 2017. Orders of the trials: Williams, "Expe
 balanced for the estimation of residual effects of treatments", Australian Journal of Scientific
 Research A 2(2), 149-168, 1949.
 
-The plan of a session has its trials, one after the other, each planned from the records before it.
-Beforehand, it tells the length of a session.
+The plan of a session yields its trials in turn, each planned from the earlier records. It also
+predicts the length of a session.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from haptic_accel.kits.study.protocol import Condition, Levels, Pair, Procedure,
 from haptic_accel.kits.study.trials import CATCH, MAIN, PRACTICE, PlannedTrial, TrialRecord
 
 Item: TypeAlias = Pair | Condition
-"""Subject of a trial: the pair that is compared, or the only condition."""
+"""Subject of a trial: the compared pair, or the only condition."""
 
 SAME, DIFFERENT = "same", "different"
 """Answers of the task ``same_different``."""
@@ -47,15 +47,15 @@ class Task:
     ----------
     orders : tuple of (str, str)
         Possible orders of the stimuli, each with its right answer: ``r`` is the reference, ``c``
-        the comparison, ``x`` the only condition, whose label is right where that is ``x``.
+        the comparison, ``x`` the only condition, whose label is the right answer if that is ``x``.
     admitted : callable
-        Admitted answers in a protocol.
+        Function that returns the admitted answers in a protocol.
     chance : float or None
-        Proportion correct of an observer who guesses; None where no answer is right, and for
-        ``identification``, where it is one of the number of conditions.
+        Proportion correct of an observer who guesses; None if no answer is right, and for
+        ``identification``, where chance depends on the number of conditions.
     adaptive : bool
-        Whether a level can be chosen by right and wrong answers: the proportion correct grows with
-        the level from `chance`.
+        True if right and wrong answers can determine the next level: the proportion correct rises
+        with the level from `chance`.
     """
 
     orders: tuple[tuple[str, str], ...]
@@ -87,7 +87,7 @@ class Task:
         protocol : Protocol
         item : Pair or Condition
         order : int
-            Place in `orders`.
+            Index in `orders`.
         """
         items, right = self.orders[order]
         if isinstance(item, Pair):
@@ -121,7 +121,7 @@ def distance(levels: Levels, condition: Condition) -> float:
 
 
 def written(value: str | float) -> str:
-    """Return a value as an answer has it.
+    """Return a value in the form of an answer.
 
     Examples
     --------
@@ -172,7 +172,7 @@ the same; ``identification``: which condition it was; ``rating``: a number on th
 
 
 Slots: TypeAlias = list[tuple[int, int]]
-"""Trials in their order: the place of the item in the protocol, and the number of the block."""
+"""Trials in order: index of the item in the protocol, and number of the block."""
 
 
 def williams(count: int) -> list[list[int]]:
@@ -186,7 +186,7 @@ def williams(count: int) -> list[list[int]]:
     Returns
     -------
     list of list of int
-        Rows, one for a participant: `count` of them, twice as many for an odd number.
+        Rows, one per participant: `count` rows, or twice as many if `count` is odd.
 
     Examples
     --------
@@ -230,7 +230,7 @@ def ordered(protocol: Protocol, row: int, generator: np.random.Generator) -> Slo
 
 
 def _groups(protocol: Protocol) -> list[list[int]]:
-    """Return the indices of the items in groups, which a Williams square puts in order."""
+    """Return the indices of the items in groups, which a Williams square orders."""
     groups: dict[Value, list[int]] = {}
     for index, item in enumerate(TASKS[protocol.task].items(protocol)):
         condition = item.comparison if isinstance(item, Pair) else item
@@ -244,7 +244,7 @@ _KEYS: Mapping[str, Callable[[Protocol, Condition, int], Value]] = {
     "blocked": lambda protocol, condition, index: condition[protocol.order.block_by],
     "williams": lambda protocol, condition, index: index,
 }
-"""Common property of the members of a group: nothing, a value, or their place."""
+"""Functions that return the common property of a group: none, a value, or the index."""
 
 
 @dataclass(frozen=True)
@@ -257,7 +257,7 @@ class Choice:
     order : int
         Order of the stimuli: index in `Task.orders`.
     track : str
-        Track of a staircase, or the pair or condition, under which trials are analysed together.
+        Track of a staircase, pair or condition; trials of one track are analysed together.
     block : int
         Number of the block, from 0.
     """
@@ -271,8 +271,8 @@ class Choice:
 def family(item: Item) -> str:
     """Return the name under which trials with an item are analysed together.
 
-    Pairs that differ in their level alone have one name: their other factors, or the words
-    ``all levels`` if there are none.
+    Pairs that differ only in their level share a name: their other factors, or ``all levels`` if
+    there are none.
 
     Examples
     --------
@@ -291,7 +291,7 @@ def family(item: Item) -> str:
 def easiest(protocol: Protocol) -> tuple[Pair, ...]:
     """Return the pairs of each family that are farthest from the reference; none without levels.
 
-    Practice and catch trials have them, and adaptive procedures begin with them.
+    Practice and catch trials use these pairs, and adaptive procedures start with them.
     """
     levels = protocol.levels
     if levels is None:
@@ -301,7 +301,7 @@ def easiest(protocol: Protocol) -> tuple[Pair, ...]:
 
 
 def method(protocol: Protocol, row: int, generator: np.random.Generator) -> Method:
-    """Return the procedure of a protocol at its beginning.
+    """Return the procedure of a protocol in its initial state.
 
     Parameters
     ----------
@@ -314,8 +314,8 @@ def method(protocol: Protocol, row: int, generator: np.random.Generator) -> Meth
     Raises
     ------
     ParameterError
-        The task has nothing to present, or an adaptive procedure has no levels, or a task whose
-        answers tell nothing of a level, or a factor of a step is not above 1.
+        The task has no items; an adaptive procedure has no levels, or a task without adaptive
+        answers; or a factor of a step is not above 1.
     """
     task, kind, name = TASKS[protocol.task], protocol.procedure.kind, protocol.task
     if not task.items(protocol):
@@ -332,7 +332,7 @@ def method(protocol: Protocol, row: int, generator: np.random.Generator) -> Meth
 class Constant:
     """Method of constant stimuli: each item equally often, in an order fixed in advance.
 
-    Each order of the stimuli of an item occurs equally often, up to one trial.
+    The orders of an item's stimuli occur equally often, with a difference of at most one.
 
     Attributes
     ----------
@@ -354,7 +354,7 @@ class Constant:
 
     @property
     def progress(self) -> float:
-        """Share that is done, from 0 to 1."""
+        """Fraction completed, from 0 to 1."""
         return self._done / self.trials
 
     def choose(self, generator: np.random.Generator) -> Choice | None:
@@ -362,18 +362,18 @@ class Constant:
         return self._choices[self._done] if self._done < self.trials else None
 
     def record(self, track: str, correct: bool | None) -> None:
-        """Go on to the next choice."""
+        """Advance to the next choice."""
         self._done += 1
 
 
 def _deck(orders: int, repeats: int, generator: np.random.Generator) -> list[int]:
-    """Return each order equally often, up to one, shuffled."""
+    """Return the orders shuffled, each equally often, with a difference of at most one."""
     balanced = np.resize(generator.permutation(orders), repeats)
     return [int(order) for order in generator.permutation(balanced)]
 
 
 class Span:
-    """Distances from the reference between which an adaptive procedure stays.
+    """Range of distances from the reference for an adaptive procedure.
 
     Parameters
     ----------
@@ -393,7 +393,7 @@ class Span:
         self._reference, self._log = levels.reference, levels.scale == "log"
 
     def step(self, size: float) -> float:
-        """Return the size of a step on the scale: for factors, its logarithm.
+        """Return the size of a step on the scale; on a logarithmic one, the factor's logarithm.
 
         Raises
         ------
@@ -431,11 +431,11 @@ class Staircase:
     Attributes
     ----------
     trials : int
-        Largest number of trials.
+        Maximum number of trials.
     distance : float
         Distance of the next trial, in the level's unit.
     reversals : int
-        Number of changes of the direction so far.
+        Number of changes of direction so far.
     """
 
     def __init__(self, procedure: Procedure, span: Span) -> None:
@@ -446,11 +446,11 @@ class Staircase:
 
     @property
     def progress(self) -> float:
-        """Share that is done, from 0 to 1."""
+        """Fraction completed, from 0 to 1."""
         return max(self._done / self.trials, min(self.reversals / self._procedure.reversals, 1.0))
 
     def update(self, correct: bool | None) -> None:
-        """Go on after a trial; None if it was left out."""
+        """Advance after a trial; `correct` is None if the trial was dropped."""
         self._done += 1
         if correct is False:
             self._in_a_row = 0
@@ -468,16 +468,16 @@ class Staircase:
 
 
 class QuestPlus:
-    """Choice of the distance after which the least entropy of the parameters is expected.
+    """Choice of the distance that minimises the expected entropy of the parameters.
 
     The psychometric function is Weibull's, 1 - lapse - (1 - guess - lapse) exp(-(x / t)^slope), of
-    the distance x. The likelihood is kept as its logarithm, and no probability is 0: after any
-    answers the posterior is a distribution.
+    the distance x. The logarithm of the likelihood is stored, and no probability is 0, so that the
+    posterior is a distribution after any answers.
 
     Parameters
     ----------
     distances : array of shape (n,)
-        Distances to choose from, above 0; also the thresholds that are possible.
+        Possible distances, above 0, which are also the possible thresholds.
     guess : float
         Proportion correct by chance.
     trials : int
@@ -494,7 +494,7 @@ class QuestPlus:
         threshold, slope, lapse = (each.ravel() for each in grids)
         missed = np.exp(-((distances[:, None] / threshold) ** slope))
         right = 1 - lapse - (1 - guess - lapse) * missed
-        # Wrong and right answers, by distance and by parameters.
+        # Probabilities of wrong and right answers, by distance and by parameters.
         self._probabilities = np.stack((1 - right, right))
         self._entropies = entr(self._probabilities).sum(axis=0)
         self._log_likelihood = np.zeros(len(threshold))
@@ -503,11 +503,11 @@ class QuestPlus:
 
     @property
     def progress(self) -> float:
-        """Share that is done, from 0 to 1."""
+        """Fraction completed, from 0 to 1."""
         return self._done / self.trials
 
     def update(self, correct: bool | None) -> None:
-        """Go on after a trial; None if it was left out."""
+        """Advance after a trial; `correct` is None if the trial was dropped."""
         self._done += 1
         if correct is not None:
             self._log_likelihood += np.log(self._probabilities[int(correct), self._index])
@@ -516,15 +516,15 @@ class QuestPlus:
     def _choose(self) -> None:
         posterior = np.exp(self._log_likelihood - self._log_likelihood.max())
         posterior /= posterior.sum()
-        # The entropy of the parameters falls by the information of the answer about them.
+        # The entropy of the parameters falls by the answer's information on them.
         information = entr(self._probabilities @ posterior).sum(0) - self._entropies @ posterior
-        # Rounded, so that another order of summation on another machine chooses the same.
+        # Rounded, so that another order of summation on another machine gives the same choice.
         self._index = int(np.argmax(np.round(information, 9)))
         self.distance = float(self._distances[self._index])
 
 
 GRID = 31
-"""Number of distances from which QUEST+ chooses, and of its thresholds."""
+"""Number of distances, and of thresholds, of QUEST+."""
 
 SLOPES = np.geomspace(0.5, 8.0, 9)
 """Slopes of QUEST+: from flatter to steeper than the usual 1 to 4 (Watson 2017)."""
@@ -534,7 +534,7 @@ LAPSES = np.array([0.01, 0.03, 0.05])
 
 
 class Interleaved:
-    """Adaptive tracks, of which a random unfinished one has the next trial.
+    """Interleaved adaptive tracks; a random unfinished track has the next trial.
 
     Each family of pairs has `Procedure.tracks` staircases, or one QUEST+.
 
@@ -547,7 +547,7 @@ class Interleaved:
     Attributes
     ----------
     trials : int
-        Largest number of main trials.
+        Maximum number of main trials.
     """
 
     def __init__(self, protocol: Protocol, levels: Levels) -> None:
@@ -566,7 +566,7 @@ class Interleaved:
 
     @property
     def progress(self) -> float:
-        """Share that is done, from 0 to 1."""
+        """Fraction completed, from 0 to 1."""
         return sum(track.progress for _, track in self._tracks.values()) / len(self._tracks)
 
     def choose(self, generator: np.random.Generator) -> Choice | None:
@@ -582,12 +582,12 @@ class Interleaved:
         return Choice(chosen, int(generator.integers(self._orders)), name)
 
     def record(self, track: str, correct: bool | None) -> None:
-        """Go on with a track after a trial; None if it was left out."""
+        """Advance a track after a trial; `correct` is None if the trial was dropped."""
         self._tracks[track][1].update(correct)
 
 
 Method: TypeAlias = Constant | Interleaved
-"""Procedure at work for one participant."""
+"""Procedure in progress for one participant."""
 
 
 ANSWERING, CHANGING = 3.0, 1.0
@@ -600,9 +600,9 @@ TRIAL, ORDER = 0, 1
 class Plan:
     """Trials of a session.
 
-    Random numbers depend on the seed and the trial's number alone, and all other state on the
-    records: a plan to which the records of a log were given is the plan of the session that wrote
-    them.
+    Random numbers depend only on the seed and the trial's number, and all other state on the
+    records: a plan that has processed the records of a log equals the plan of the session that
+    wrote them.
 
     Parameters
     ----------
@@ -615,14 +615,14 @@ class Plan:
     Attributes
     ----------
     trials : int
-        Number of trials with practice and catch trials; with staircases, the largest number.
+        Number of trials with practice and catch trials; for staircases, the maximum number.
     attempt : int
-        Number of presentations of the next trial so far, which were not delivered.
+        Number of undelivered presentations of the next trial so far.
 
     Raises
     ------
     ParameterError
-        The protocol's procedure or catch trials do not fit its task and levels.
+        The protocol's procedure or catch trials do not suit its task and levels.
     """
 
     def __init__(self, protocol: Protocol, seed: int, row: int) -> None:
@@ -645,7 +645,7 @@ class Plan:
 
     @property
     def progress(self) -> float:
-        """Share of the session that is done, from 0 to 1."""
+        """Completed fraction of the session, from 0 to 1."""
         after = self.trials - self._extras.practice
         return (self._finished[PRACTICE] + self._method.progress * after) / self.trials
 
@@ -658,14 +658,14 @@ class Plan:
         return between and done % every == 0
 
     def next(self) -> PlannedTrial | None:
-        """Return the next trial, the same until it is recorded; None at the end."""
+        """Return the next trial, which stays the same until recorded; None at the end."""
         return self._planned
 
     def record(self, record: TrialRecord) -> None:
-        """Go on after a trial.
+        """Advance after a trial.
 
-        A trial without an answer, or with a flaw, is repeated up to `Bounds.repeats` times, and
-        then left out.
+        A trial without an answer, or with a flaw, is repeated up to `Bounds.repeats` times, then
+        dropped.
 
         Raises
         ------

@@ -58,7 +58,7 @@ class Pair:
     ----------
     reference, comparison : Condition
     level : float or None
-        Value of the varied factor in the comparison; None without one.
+        Value of the varied factor in the comparison; None if no factor is varied.
     """
 
     reference: Condition
@@ -285,7 +285,7 @@ class Protocol:
     factors : mapping
         Values of each factor: an argument of the graph, ``gain`` or ``network``.
     conditions : tuple of Condition
-        All combinations of the factors, or those that are listed.
+        All combinations of the factors, or the listed ones.
     pairs : tuple of Pair
         Comparisons; empty for tasks with one stimulus.
     levels : Levels or None
@@ -298,9 +298,9 @@ class Protocol:
     consent : Consent
     instructions : str
     language : str
-        Language of the page, or a file of its words.
+        Language of the page, or a file with its texts.
     digest : str
-        SHA-256 of the content, which identifies the version; comments do not count.
+        SHA-256 of the content without comments, which identifies the version.
     source : Path
     content : str
         Text of the file, kept with each version.

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Protocols from YAML files, and the check of their design; no other file is read.
+"""Reading of protocols from YAML files, and checks of their design; no other file is read.
 
 Errors name the file, the line, the value and what is allowed.
 """
@@ -52,7 +52,7 @@ MEASURES: Mapping[str, tuple[str, ...]] = {
     **{"same_different": ("correct", "d_prime"), "identification": ("correct",)},
     **{"rating": ("rating",), "similarity": ("rating",), "preference": ("preferred",)},
 }
-"""Measures of `PlannedTest` that each task gives; a threshold only with levels."""
+"""Measures of `PlannedTest` for each task; a threshold needs levels."""
 
 ARGUMENTS = (
     *(*schema(ConditionArguments), *schema(DeviceArguments)),
@@ -61,7 +61,7 @@ ARGUMENTS = (
 """Arguments of the graph that a protocol may set; a session sets the others itself."""
 
 GAIN, NETWORK = "gain", "network"
-"""Factors that are no argument of the graph."""
+"""Factors that are not arguments of the graph."""
 
 FACTORS = (*ARGUMENTS, GAIN, NETWORK)
 """Factors that a protocol may vary."""
@@ -70,15 +70,15 @@ WHOLE = ("latency", "frame", "seed")
 """Factors that are whole numbers."""
 
 MOST_CONDITIONS = 100
-"""Largest number of combinations of factors, far above what a participant can compare."""
+"""Maximum number of combinations of factors, more than a participant can compare."""
 
 MOST_RATINGS = 101
-"""Largest number of ratings on a scale."""
+"""Maximum number of ratings on a scale."""
 
 _NUMBER = Specification("number")
 
 _AGAINST = re.compile(r"-?\d+(\.\d*)?")
-"""Number that a planned test is against."""
+"""Pattern of a number as the reference of a planned test."""
 
 
 def read_protocol(path: Path) -> Protocol:
@@ -115,7 +115,7 @@ def read_protocol(path: Path) -> Protocol:
         scale=_scale(file),
         strengths=_strengths(file.get("strengths", {}), conditions),
         tests=tuple(_section(each, PlannedTest) for each in file.get("tests", []).items()),
-        # With the order of the keys, which names the conditions.
+        # The digest includes the order of the keys, which determines the conditions' names.
         digest=hashlib.sha256(json.dumps(file.value, default=str).encode()).hexdigest(),
         source=path,
         content=file.source,
@@ -127,7 +127,7 @@ def read_protocol(path: Path) -> Protocol:
 
 
 def matching(conditions: Iterable[Condition], words: str) -> tuple[Condition, ...]:
-    """Return the conditions that have all of some ``factor=value`` words; none: all.
+    """Return the conditions that match all ``factor=value`` texts; all conditions for none.
 
     Examples
     --------
@@ -140,7 +140,7 @@ def matching(conditions: Iterable[Condition], words: str) -> tuple[Condition, ..
 
 
 def word(value: Value) -> str:
-    """Return a value as in a ``key:=value`` word."""
+    """Return a value as text of ``key:=value``."""
     return f"{value:.12g}" if isinstance(value, float) else value
 
 
@@ -162,7 +162,7 @@ def _text(given: Document) -> str:
 
 
 def _value(given: Document) -> Value:
-    """Return a word or a number."""
+    """Parse a word or a number."""
     if isinstance(given.value, str) and given.value.split() == [given.value]:
         return given.text()
     if not isinstance(given.value, (int, float)):
@@ -200,7 +200,7 @@ def _levels(file: Document) -> Levels | None:
 
 
 def _factors(file: Document, levels: Levels | None) -> dict[str, tuple[Value, ...]]:
-    """Return the values of each factor; those of levels begin with the reference."""
+    """Return the values of each factor; those of levels start with the reference."""
     section = file.get("factors", {})
     section.check_keys(*FACTORS)
     if levels and levels.factor in section:
@@ -227,7 +227,7 @@ def _conditions(file: Document, factors: Mapping[str, tuple[Value, ...]]) -> tup
 
 
 def _one(given: Document, conditions: Iterable[Condition]) -> Condition:
-    """Return the condition that factor=value words name."""
+    """Return the only condition that matches ``factor=value`` texts."""
     found = matching(conditions, given.text())
     if len(found) != 1:
         given.wrong(f"must be one of {', '.join(map(str, conditions))}")
@@ -237,7 +237,7 @@ def _one(given: Document, conditions: Iterable[Condition]) -> Condition:
 def _pairs(
     file: Document, conditions: tuple[Condition, ...], levels: Levels | None
 ) -> tuple[Pair, ...]:
-    """Return the listed pairs, those of each level with its reference, or all."""
+    """Return the listed pairs, the pairs of levels with their reference, or all pairs."""
     if "pairs" in file:
         pairs = tuple(_pair(each, conditions) for each in file.at("pairs").items())
         if levels or not pairs or len(set(pairs)) < len(pairs):
@@ -289,7 +289,7 @@ def _check_test(given: Document, test: PlannedTest, protocol: Protocol) -> None:
     _text(given.at("name"))
     given.get("measure", test.measure).choice(dict.fromkeys(sorted(measures)))
     known = protocol.conditions
-    if protocol.pairs and test.measure != "preferred":  # a pair is named by its comparison
+    if protocol.pairs and test.measure != "preferred":  # a pair has the name of its comparison
         known = tuple(dict.fromkeys(pair.comparison for pair in protocol.pairs))
     for key, text in (("condition", test.condition), ("against", test.against)):
         if not (matching(known, text) or (key == "against" and _AGAINST.fullmatch(text))):
@@ -301,11 +301,11 @@ def _check_test(given: Document, test: PlannedTest, protocol: Protocol) -> None:
 
 
 def _check_design(file: Document, protocol: Protocol) -> None:
-    """Refuse an order or a procedure that does not suit the rest."""
+    """Refuse an order or a procedure that does not suit the protocol."""
     order, kind, block_by = file.get("order", {}), protocol.order.kind, protocol.order.block_by
     procedure = protocol.procedure.kind
     known = {name: each.text for name, (_, each) in own_schema(Procedure).items()}
-    # The text of a key that only some procedures have begins with their names.
+    # The description of a key for only some procedures starts with their names.
     used = [name for name, text in known.items() if procedure in text or ":" not in text]
     file.get("procedure", {}).check_keys(*used)
     if procedure != "constant" and protocol.levels and protocol.levels.factor in WHOLE:

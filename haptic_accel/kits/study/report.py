@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Analysis of a study, and its report: a page, figures and tidy tables."""
+"""Analysis of a study, and its report as a page, figures and tidy tables."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class StudyResult:
         Broken rules by excluded participant.
     planned : tuple of PlannedResult
     results : tuple of Result
-        Planned tests first; then results that are exploratory, and the delivered stimuli.
+        Planned tests, then exploratory results, then delivered stimuli.
     """
 
     protocol: Protocol
@@ -59,7 +59,7 @@ class StudyResult:
 
 
 def analyse_study(protocol: Protocol, sessions: Sequence[SessionRecord]) -> StudyResult:
-    """Analyse the sessions of a study by its protocol; titles name simulated observers."""
+    """Analyse the sessions of a study by its protocol; titles mention simulated observers."""
     protocol = titled(protocol, sessions)
     found, trials = tables(protocol, sessions), counted(protocol, sessions)
     planned = tuple(planned_tests(protocol, sessions))
@@ -81,20 +81,21 @@ def analyse_study(protocol: Protocol, sessions: Sequence[SessionRecord]) -> Stud
 
 
 def write_report(result: StudyResult, folder: Path, unblinded: str = "") -> Path:
-    """Write the page of an analysis to a folder, with figures, tables and results beside it.
+    """Write the page of an analysis to a folder, together with figures, tables and results.
 
     Parameters
     ----------
     result : StudyResult
     folder : Path
     unblinded : str
-        Time and reason of the unblinding, which also tells simulated participants from people.
+        Time and reason of the unblinding; it also distinguishes people from simulated
+        participants.
 
     Returns
     -------
     Path
-        Page ``folder/index.html``. Beside it are the figures as PNG and PDF, the tables as CSV,
-        and ``results.json``.
+        Page ``folder/index.html``. The folder also has the figures as PNG and PDF, the tables as
+        CSV, and ``results.json``.
     """
     folder.mkdir(parents=True, exist_ok=True)
     figures = {each.name: each.figure for each in result.results if each.figure}

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Results of a study by its task, each a table and a figure."""
+"""Results of a study for its task, each as a table and a figure."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ PLANNED, EXPLORATORY, DELIVERED = "planned", "exploratory", "delivered"
 """Kinds of results."""
 
 LEAST_P = 0.001
-"""Probability below which a table for readers states no number."""
+"""Probability below which tables for readers state only an upper bound."""
 
 _RANGES = {"share_of_preference": (0.0, 1.0), "bits": (0.0, math.inf), "rms": (0.0, math.inf)}
-"""Possible values of what strips show; any for other values."""
+"""Ranges of the values in strip plots; other values have no limits."""
 
 UNITS = {"_m_s2": " (m/s²)", "_percent": " (%)", "_s": " (s)"}
-"""Ends of the names of values, and their units for readers."""
+"""Units for readers, by the suffix of a value's name."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Result:
     Attributes
     ----------
     name : str
-        Name of its files, and in the JSON file.
+        Name of the result's files, and key in the JSON file.
     title, text : str
     rows : list of dict
         Texts, numbers and intervals by name.
@@ -65,7 +65,7 @@ class Result:
 
     @property
     def plain(self) -> list[Row]:
-        """Rows for files: the ends of an interval are values of their own."""
+        """Rows for files, with the ends of an interval as separate values."""
         return [_plain(row) for row in self.rows]
 
     @property
@@ -75,7 +75,7 @@ class Result:
 
 
 def reading_table(rows: Sequence[Row], title: str) -> ResultTable:
-    """Return rows as a table for readers, with the ends of intervals beside their values."""
+    """Return rows as a table for readers, with intervals next to their values."""
     headings = [_heading(name) for name in rows[0]] if rows else []
     return ResultTable(headings, [[_cell(*item) for item in row.items()] for row in rows], title)
 
@@ -115,7 +115,7 @@ def _plain(row: Row) -> Row:
 
 
 def planned_results(planned: Sequence[planned_tests.PlannedResult]) -> Iterator[Result]:
-    """Yield the results of planned tests: those of one measure against one number together."""
+    """Yield the results of planned tests, grouped by measure and reference number."""
     groups = groupby(planned, lambda each: (each.measured, each.against))
     for number, ((measured, against), group) in enumerate(groups, 1):
         own = list(group)
@@ -151,7 +151,7 @@ def _tested(result: planned_tests.PlannedResult) -> Row:
 
 
 def exploratory_results(protocol: Protocol, trials: planned_tests.Trials) -> Iterator[Result]:
-    """Yield the results of a task that no test was planned for."""
+    """Yield the exploratory results of a task."""
     for results in _EXPLORED[protocol.task] if trials else ():
         yield from results(protocol, trials)
 
@@ -261,7 +261,7 @@ def _preferences(protocol: Protocol, trials: planned_tests.Trials) -> Iterator[R
         worths = choices.bradley_terry(
             [_wins(list(names), own) for own in planned_tests.by_participant(trials).values()]
         )
-    except ValueError:  # the pairs do not connect all conditions
+    except ValueError:  # the compared pairs do not connect all conditions
         return
     yield Result(
         "worths",

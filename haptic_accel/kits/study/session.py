@@ -1,12 +1,12 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Session of a participant: consent, instructions, trials, breaks, within limits, to its end.
+"""Session of a participant: consent, instructions, trials and breaks, within safety limits.
 
-Every event is in the log before the participant sees the next screen. A session goes on from its
-log: the plan is brought to its state by the trials that the log has.
+Every event is in the log before the participant sees the next screen. A session continues from its
+log: the trials in the log restore the state of the plan.
 
-Simulated observers and a simulated rig try a study, and estimate its power: Thurstone, "A law of
+Simulated observers and a simulated rig test a study, and estimate its power: Thurstone, "A law of
 comparative judgment", Psychological Review 34(4), 273-286, 1927; decisions as in Macmillan,
 Creelman, "Detection theory: a user's guide", 2nd edition, 2005.
 """
@@ -41,28 +41,28 @@ from haptic_accel.kits.study.trials import (
 )
 
 NO_CONSENT = "no consent"
-"""End of a session to which the participant does not agree."""
+"""Reason of a session's end without the participant's consent."""
 
 AGREE, DISAGREE, CONTINUE, BEGIN = "agree", "disagree", "continue", "begin"
 RIGHT, WRONG = "right", "wrong"
 """Answers and texts that the page's languages translate."""
 
 FEEDBACK = 1.0
-"""Time that right or wrong is shown, s."""
+"""Time for which the feedback is shown, s."""
 
 MOST_BROKEN_OFF = 5
-"""Trials in succession without all stimuli after which the rig counts as out of order."""
+"""Number of successive incomplete trials after which the rig counts as out of order."""
 
 
 @dataclass
 class Session:
-    """Session of a participant, from its start or from where its log ends.
+    """Session of a participant, from its start or from the end of its log.
 
     Parameters
     ----------
     protocol : Protocol
     plan : Plan
-        Plan of the participant, in which nothing is recorded yet.
+        Plan of the participant, without any recorded trial.
     log : Log
         Log with the session's first line.
     rig : Rig
@@ -85,7 +85,7 @@ class Session:
     _dose: float = 0.0
 
     def __post_init__(self) -> None:
-        """Bring the plan to the state in which the log ends."""
+        """Advance the plan to the end of the log."""
         session = self.log.record
         try:
             for record in session.records:
@@ -96,12 +96,12 @@ class Session:
             ) from None
 
     def run(self) -> trials.SessionRecord:
-        """Run the session to its end or a stop; return all that the log has.
+        """Run the session to its end or a stop; return the contents of the log.
 
         Raises
         ------
         OSError
-            The log cannot be written. Nothing that was acknowledged is lost.
+            The log cannot be written; no acknowledged data are lost.
         """
         reason = ""
         try:
@@ -135,11 +135,11 @@ class Session:
 
     @property
     def undelivered(self) -> int:
-        """Number of trials that did not count as delivered."""
+        """Number of trials that do not count as delivered."""
         return sum(bool(record.flaw) for record in self.records)
 
     def _welcome(self) -> None:
-        """Ask for consent unless it was given, and show the instructions."""
+        """Request consent unless already obtained, and show the instructions."""
         consent = self.protocol.consent
         if not self.log.record.consent:
             answer = self._ask("consent", AGREE, DISAGREE, text=consent.text)
@@ -150,7 +150,7 @@ class Session:
 
     def _run_trials(self) -> None:
         practice: bool | None = None
-        paused = -1  # trial before which the participant has paused
+        paused = -1  # number of the trial before the last pause
         while (trial := self.plan.next()) is not None:
             if practice is not (practice := trial.kind == trials.PRACTICE):
                 self._ask("ready", BEGIN, text=trials.PRACTICE if practice else BEGIN)
@@ -176,7 +176,7 @@ class Session:
             raise trials.StoppedError(f"limit of time: trials have taken {limits.minutes:g} min")
 
     def _run_trial(self, trial: trials.PlannedTrial) -> trials.TrialRecord:
-        """Present a trial's stimuli, and ask for the answer."""
+        """Present a trial's stimuli, and request the answer."""
         presented: list[trials.PresentedStimulus] = []
         answer, flaw = None, ""
         asked, asked_steady = time.time_ns(), time.monotonic_ns()
@@ -189,7 +189,7 @@ class Session:
             answer = self.participant.ask(screen, trial)
         except trials.UndeliveredError as error:
             flaw = str(error)
-            with suppress(trials.UndeliveredError):  # the page may have missed the stimulus, too
+            with suppress(trials.UndeliveredError):  # the page may be lost, too
                 self._show("wait")
         times = asked, time.time_ns(), asked_steady, time.monotonic_ns()
         return trials.TrialRecord(trial, self.plan.attempt, tuple(presented), answer, *times, flaw)
@@ -214,7 +214,7 @@ class Session:
             for name, value in outside.items():
                 if not value <= (bound := getattr(bounds, name)):
                     yield f"{name} = {value:.3g}: must be at most {bound:g} {units[name][1].unit}"
-            # A gain below 1 asks for less; with 0 nothing is desired.
+            # A gain below 1 reduces the desired vibration, 0 removes it.
             least = bounds.least_rms * float(settings.get("gain", 1.0))
             if not stimulus.desired_rms >= least:
                 yield f"desired RMS = {stimulus.desired_rms:.3g}: must be at least {least:g} m/s^2"
@@ -237,7 +237,7 @@ class Session:
             self.sleep(FEEDBACK)
 
     def _new_dose(self) -> float:
-        """Return the dose since the last line that has one, m^2/s^3."""
+        """Return the dose since the last log line with a dose, m^2/s^3."""
         before, self._dose = self._dose, self.rig.exposure
         return self._dose - before
 
@@ -248,7 +248,7 @@ class Session:
         return self.participant.ask(self._screen(kind, answers=answers, **content)).value
 
     def _screen(self, kind: str, **content: Any) -> trials.Screen:
-        """Return a screen with the progress, and a name that no other one has."""
+        """Return a screen with the progress and a unique id."""
         self._screens += 1
         name = f"{len(self.log.entries)}.{self._screens}"
         return trials.Screen(name, kind, progress=self.plan.progress, **content)
@@ -258,25 +258,26 @@ OBSERVER, ANSWER = 2, 3
 """Streams of random numbers: of an observer's strengths, and of one answer."""
 
 SCALE_WIDTH = 6.0
-"""Standard deviations of a sensation over the scale of a rating."""
+"""Width of a rating's scale, in standard deviations of a sensation."""
 
 SAME_WITHIN = 2**0.5
-"""Difference of two sensations up to which they are the same: its standard deviation."""
+"""Largest difference of two sensations that count as the same: its standard deviation."""
 
 RESPONSE_TIME = 1.0
 """Median time to an answer, s."""
 
 
 class SimulatedParticipant:
-    """Observer of a protocol, whose answer depends on seed and trial alone.
+    """Simulated observer, whose answers depend only on seed and trial.
 
     A stimulus causes a sensation of standard deviation 1. Its mean is (distance of the level from
     the reference / threshold)^slope with levels, else the strength of the condition. Of two
     intervals, the observer prefers the stronger, and knows whether the comparison is usually the
-    stronger or the weaker one. The odd one is that without which two are the most alike, the third
-    of ABX equals the nearer one, two within `SAME_WITHIN` are the same, and a condition is
-    identified by the nearest strength. Strengths of ratings are mean ratings, and the standard
-    deviation is a sixth of the scale; so is the fall of a similarity for a difference of 1.
+    stronger or the weaker one. The odd one is the stimulus whose removal leaves the two most
+    similar ones; the third stimulus of ABX equals the nearer one; two sensations within
+    `SAME_WITHIN` are the same; a condition is identified by the nearest strength. Strengths of
+    ratings are mean ratings, with a standard deviation of a sixth of the scale, which is also the
+    decrease of a similarity for a difference of 1.
 
     Parameters
     ----------
@@ -286,7 +287,7 @@ class SimulatedParticipant:
     """
 
     noise: float | None = None
-    """No noise is heard."""
+    """Level of the masking noise: none."""
 
     def __init__(self, protocol: Protocol, seed: int) -> None:
         self._protocol, self._seed = protocol, seed
@@ -301,10 +302,10 @@ class SimulatedParticipant:
         }
 
     def show(self, screen: Screen) -> None:
-        """See a screen."""
+        """Ignore a screen."""
 
     def ask(self, screen: Screen, trial: PlannedTrial | None = None) -> Answer:
-        """Answer by the sensations of a trial; without a trial, by the first answer."""
+        """Return the answer from a trial's sensations or, without a trial, the first answer."""
         if trial is None:
             return Answer(next(iter(screen.answers), ""), RESPONSE_TIME)
         generator = np.random.default_rng([self._seed, trial.number, ANSWER])
@@ -323,7 +324,7 @@ class SimulatedParticipant:
         return float(thresholds**self._protocol.observer.slope)
 
     def identified(self, sensation: float, generator: np.random.Generator) -> str:
-        """Return the label of the condition with the nearest strength, of equal ones any."""
+        """Return the label of the condition with the nearest strength; ties at random."""
         candidates = (
             (abs(self.strength(condition) - sensation), generator.random(), label)
             for condition, label in labels(self._protocol).items()
@@ -331,7 +332,7 @@ class SimulatedParticipant:
         return min(candidates)[2]
 
     def rated(self, deviations: float) -> str:
-        """Return the rating so many standard deviations above the lowest."""
+        """Return the rating that is `deviations` standard deviations above the lowest."""
         low, high, step = self._protocol.scale
         value = low + (high - low) * min(max(deviations / SCALE_WIDTH, 0.0), 1.0)
         return written(low + step * round((value - low) / step))
@@ -349,7 +350,7 @@ def _comparison(observer: SimulatedParticipant, felt: FloatArray, trial: Planned
 
 _DECISIONS: Mapping[str, Callable[..., str]] = {
     "2ifc": lambda observer, felt, trial, _: _comparison(observer, felt, trial),
-    # Without the odd one, the two others are the most alike.
+    # Without the odd one, the other two are the most similar.
     "odd_one_out": lambda _, felt, *__: _strongest(-abs(np.roll(felt, -1) - np.roll(felt, -2))),
     "abx": lambda observer, felt, *_: "AB"[int(np.argmin(abs(felt[:2] - felt[2])))],
     "same_different": lambda observer, felt, *_: (
@@ -362,7 +363,8 @@ _DECISIONS: Mapping[str, Callable[..., str]] = {
 }
 
 RMS = 2.0
-"""RMS of the simulated acceleration, m/s^2, if the bounds ask for no more: clearly felt."""
+"""RMS of the simulated acceleration, m/s^2, unless the bounds require more: clearly
+perceptible."""
 
 WEIGHTING = 0.064
 """Factor of hand-arm vibration at 250 Hz: 16 Hz over the frequency (ISO 5349-1, Wh)."""
@@ -393,15 +395,15 @@ class SimulatedRig:
         self.exposure += (WEIGHTING * self._rms) ** 2 * seconds
         begin, rms, settings = time.time_ns(), self._rms, dict(condition.settings)
         times = begin, begin + round(seconds * 1e9)
-        # No error; nothing clipped, late or lost.
+        # No error, and no clipped, late or lost samples.
         return PresentedStimulus(*times, "", rms, rms * 2**0.5, rms, 0.0, 0.0, 0.0, 0.0, settings)
 
     def stop(self) -> None:
-        """Do nothing: there are no forces."""
+        """Do nothing, as a simulated rig has no forces."""
 
 
 def simulate_session(protocol: Protocol, log: Entries) -> SessionRecord:
-    """Run a session, from where its log ends, with a simulated observer and without delays."""
+    """Run a session from the end of its log, with a simulated observer and without delays."""
     begun = log.record
     plan = Plan(protocol, begun.seed, begun.row)
     observer = SimulatedParticipant(protocol, begun.seed)
@@ -455,7 +457,7 @@ class Power:
     name : str
         Name of the test.
     share, low, high : float
-        The share, and its 95 % interval (Wilson).
+        Share of significant studies, and its 95 % interval (Wilson).
     """
 
     name: str

@@ -4,7 +4,7 @@
 """Tidy tables of a study: sessions, trials and stimuli; exclusions by its rules, and exports.
 
 Each column is declared once, with its meaning and unit, for tables, pages and exports. The tables
-have no date, which could tell who took part: times count from the start of a session.
+have no dates, which could reveal participants: times count from the start of a session.
 
 Exports are CSV, Psych-DS (https://psychds-docs.readthedocs.io: tidy CSV files below ``data``, and
 one data dictionary) and BIDS 1.10 (https://bids-specification.readthedocs.io: the sessions as
@@ -86,7 +86,7 @@ MEASURED = (
     *("rms_m_s2", "desired_rms_m_s2", "error_percent", "late_percent"),
     *("clipped_percent", "lost_percent", "peak_m_s2"),
 )
-"""Columns that were measured of a stimulus."""
+"""Columns with measures of a stimulus."""
 
 SIMULATED, PERSON = "simulated", "person"
 """Kinds of observers, in the column `observer`."""
@@ -120,7 +120,7 @@ class Tables:
 def titled(
     protocol: Protocol, sessions: Sequence[records.SessionRecord] = (), *, simulated: bool = False
 ) -> Protocol:
-    """Return a protocol whose title says that observers are simulated, if any is."""
+    """Return a protocol whose title mentions simulated observers, if there are any."""
     if not (simulated or any(each.simulated for each in sessions)):
         return protocol
     return replace(protocol, title=f"{protocol.title} (simulated observers)")
@@ -271,7 +271,7 @@ def export_study(
     *,
     unblinded: bool,
 ) -> None:
-    """Write the tables of a study, with all who began and without dates, to a new folder.
+    """Write the tables of a study, with all participants and without dates, to a new folder.
 
     Parameters
     ----------
@@ -287,8 +287,8 @@ def export_study(
     Raises
     ------
     ParameterError
-        Conditions are sealed, the folder is not empty, no trial was begun, the form is unknown,
-        or two participants cannot be told apart in it.
+        Conditions are sealed, the folder is not empty, no trial was started, the form is unknown,
+        or the form gives two participants the same label.
     """
     if not unblinded:
         raise ParameterError(f"{protocol.title}: conditions are sealed; unblind the study first")
@@ -372,7 +372,7 @@ FORMS: Mapping[str, Callable[[Protocol, Tables], Files]] = {
 
 
 def _tsv(frame: pd.DataFrame) -> str:
-    """Return a table as BIDS has them: the times of events first, n/a for unknown values."""
+    """Return a table in BIDS form: times of events first, n/a for unknown values."""
     first = [name for name in _FIRST if name in frame]
     ordered = frame[[*first, *frame.columns.drop(first)]].rename(columns=_BIDS_NAMES)
     return csv_text(ordered.astype(object).map(_cell), "\t", "n/a")
@@ -394,7 +394,7 @@ def _sidecar(found: Tables, frame: pd.DataFrame) -> dict[str, Any]:
 
 
 def _labels(participants: Sequence[str]) -> dict[str, str]:
-    """Return the labels of participants, which may have letters and digits alone."""
+    """Return the labels of participants, which may have only letters and digits."""
     labels = {each: f"sub-{_alphanumeric(each)}" for each in participants}
     for label in labels.values():
         same = [each for each, own in labels.items() if own == label]
@@ -441,7 +441,7 @@ def _paragraphs(text: str) -> str:
 
 
 def _literal(text: str) -> str:
-    """Return a text in one line, which Markdown shows as it is, without markup, HTML or links."""
+    """Return a text in one line, escaped so that Markdown shows it literally."""
     line = re.sub(r"[\\`*_\[\]<>&#~|]", r"\\\g<0>", " ".join(text.split()))
     return re.sub(r"^(\d*)([-+=.)])", r"\1\\\2", line)
 

@@ -19,16 +19,16 @@ COMPLETE = "complete"
 
 
 class StoppedError(Exception):
-    """A session was stopped; the message states by whom or why."""
+    """Error: a session was stopped; the message has the reason."""
 
 
 class UndeliveredError(Exception):
-    """A stimulus could not be presented; the message states why. The trial may be repeated."""
+    """Error: a stimulus could not be presented, with the reason; the trial may be repeated."""
 
 
 @dataclass(frozen=True)
 class PlannedTrial:
-    """A trial before it is presented.
+    """Trial before its presentation.
 
     Attributes
     ----------
@@ -67,20 +67,20 @@ class PresentedStimulus:
     Attributes
     ----------
     begin, end : int
-        System time of its first and last sample, ns.
+        System times of the first and last sample, ns.
     bag : str
-        Bag that has it, relative to the participant's folder; empty without one.
+        Bag with the stimulus, relative to the participant's folder; empty without a bag.
     rms, peak : float
-        Of the measured handle acceleration without hand motion, m/s^2.
+        RMS and peak of the measured handle acceleration without hand motion, m/s^2.
     desired_rms : float
         RMS of the desired acceleration, m/s^2.
     error : float or None
-        NRMSE, %; None where nothing was desired.
+        NRMSE, %; None if no vibration was desired.
     clipped, late, lost : float
-        Shares of time at the limit of force, of time with a late force by the clock, and of
-        missing samples, %.
+        Shares of time at the force limit, of time with late forces by the clock, and of missing
+        samples, %.
     read_back : mapping
-        Settings of the condition as the graph has them.
+        Settings of the condition, read back from the graph.
     """
 
     begin: int
@@ -113,23 +113,23 @@ class Answer:
 
 @dataclass(frozen=True)
 class TrialRecord:
-    """A trial as it was run: a line of the log.
+    """Trial after its presentation: a line of the log.
 
     Attributes
     ----------
     trial : PlannedTrial
     attempt : int
-        Number of earlier presentations of the trial, which were not delivered.
+        Number of earlier, undelivered presentations of the trial.
     presented : tuple of PresentedStimulus
-        Stimuli, as far as they were presented.
+        Stimuli that were presented.
     answer : Answer or None
-        None if the trial was broken off before its question.
+        Answer; None if the trial was interrupted before its question.
     asked, answered : int
         System times of the trial's start and of the answer's arrival, ns.
     asked_steady, answered_steady : int
         The same times by the steady clock of the machine, ns.
     flaw : str
-        Reason for which the stimulus does not count as delivered; empty if the trial counts.
+        Reason why the trial does not count as delivered; empty if it counts.
     """
 
     trial: PlannedTrial
@@ -152,7 +152,7 @@ class TrialRecord:
 
 @dataclass(frozen=True)
 class SessionRecord:
-    """All that a participant did.
+    """Record of a participant's session.
 
     Attributes
     ----------
@@ -167,16 +167,16 @@ class SessionRecord:
     consent : str
         Version of the text that the participant agreed to.
     begun : int
-        System time, ns.
+        System time of the start, ns.
     records : tuple of TrialRecord
         All attempts in order.
     ended : str
-        ``complete``, the reason of a stop, ``running`` while a process runs it, or empty if
-        interrupted.
+        ``complete``, the reason of a stop, ``running`` while a process runs the session, or empty
+        if interrupted.
     exposure : float
         Vibration dose of all sittings, m^2/s^3.
     simulated : bool
-        True if a `SimulatedParticipant` took part, and no person.
+        True for a `SimulatedParticipant`, False for a person.
     """
 
     participant: str
@@ -207,20 +207,20 @@ class Screen:
     Attributes
     ----------
     id : str
-        Name of this screen, unique in a session; an answer carries it, so that a repeated or late
-        answer is recognised.
+        Name of the screen, unique in a session. An answer contains the id, so that repeated or
+        late answers are recognised.
     kind : str
         ``consent``, ``instructions``, ``ready``, ``stimulus``, ``question``, ``feedback``,
         ``break``, ``wait``, ``stopped`` or ``end``.
     text : str
     answers : tuple of str
-        Admitted answers; empty where none is asked for.
+        Admitted answers; empty if no answer is needed.
     progress : float
-        Share of the session that is done, from 0 to 1.
+        Completed fraction of the session, from 0 to 1.
     interval : int
-        Number of the present stimulus, from 1; 0 outside.
+        Number of the present stimulus, from 1; 0 between stimuli.
     seconds : float
-        Time that the screen lasts, or that must pass before it can be left, s; 0 for none.
+        Duration of the screen, or minimum time before an answer, s; 0 for none.
     """
 
     id: str
@@ -242,7 +242,7 @@ class Rig(Interface):
     def present(
         self, condition: Condition, seconds: float, begun: Callable[[], None] = lambda: None
     ) -> PresentedStimulus:
-        """Present a condition with a faded beginning and end; afterwards the handle is still.
+        """Present a condition with a fade-in and a fade-out; afterwards the handle is still.
 
         Parameters
         ----------
@@ -250,14 +250,14 @@ class Rig(Interface):
         seconds : float
             Duration, s.
         begun : callable
-            Called when all is set, just before the stimulus is faded in.
+            Called once all settings are made, just before the fade-in.
 
         Raises
         ------
         UndeliveredError
-            The condition could not be set or read back, or the graph was not there.
+            The condition could not be set or read back, or the graph does not run.
         StoppedError
-            An emergency stop holds.
+            An emergency stop is in effect.
         """
 
     def stop(self) -> None:
@@ -277,7 +277,7 @@ class Participant(Interface):
     noise: float | None
 
     def show(self, screen: Screen) -> None:
-        """Show a screen that is not answered.
+        """Show a screen that needs no answer.
 
         Raises
         ------
@@ -294,7 +294,7 @@ class Participant(Interface):
         ----------
         screen : Screen
         trial : PlannedTrial, optional
-            Trial of the question, from which only a simulated observer knows the stimuli.
+            Trial of the question; only a simulated observer uses it.
 
         Raises
         ------

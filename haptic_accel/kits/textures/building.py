@@ -53,8 +53,8 @@ LANDING = 4
 """Number of blocks ignored after the start of contact, as a tap's vibration lasts about 0.1 s."""
 
 QUIETEST = 1e-3
-"""White noise added to segments, m/s^2: the resolution of 16 bits at 5 g. It gives silence and
-pure tones, which are exactly predictable, a finite description length."""
+"""White noise added to segments, m/s^2: the resolution of 16 bits at 5 g. With the noise, silence
+and pure tones, which are exactly predictable, have a finite description length."""
 
 LARGEST_ORDER = 20
 """Maximum order of a model, as in the Penn Haptic Texture Toolkit."""
@@ -68,17 +68,17 @@ error."""
 
 CLOSE = 0.02
 """Distance, relative to the largest speed and force, within which segments share a node, and the
-edge of the segments needs none of its own: a texture hardly changes, but the noise of segments
-does."""
+edge of the segments needs no separate node: the texture hardly changes over this distance, but the
+segments' noise does."""
 
 MOST_NODES = 64
 """Maximum number of measured nodes; the Penn Haptic Texture Toolkit has 25 to 57 nodes of all
 kinds."""
 
 PRIOR = 2.0
-"""Standard deviation, around 0, of the exponents with which power grows with speed and force
-before segments are seen; vibration in proportion to speed has 2. The fit is Bayesian linear
-regression: a recording at one speed and force gives exponents near 0."""
+"""Standard deviation of the zero-mean prior of the exponents with which power grows with speed and
+force; vibration proportional to speed has the exponent 2. The fit is Bayesian linear regression: a
+recording at one speed and force gives exponents near 0."""
 
 BETTER = 0.9
 """Maximum error relative to that of a constant texture for a model that follows speed and force.
@@ -92,7 +92,7 @@ LAGS = 64
 kHz."""
 
 GRID = 2048
-"""Length of the discrete Fourier transform of these spectra."""
+"""Length of the discrete Fourier transform of the compared spectra."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +232,7 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Following:
-    """Errors of a model, and of a constant texture, for single segments left out of the model.
+    """Errors of a model, and of a constant texture, for single held-out segments.
 
     The constant texture has the mean spectrum of the segments that the model was built from, as an
     autoregressive model of the same order.
@@ -243,8 +243,8 @@ class Following:
         Typical error of the RMS, relative: root mean square of the logarithm of the ratio, and
         the ratio minus 1 that has this logarithm.
     distance, constant_distance : float
-        Mean log-spectral distance within `BAND`, dB; that of noise from equal spectra is 2 to 4,
-        as segments are short.
+        Mean log-spectral distance within `BAND`, dB; 2 to 4 for noise from equal spectra, as
+        segments are short.
     """
 
     rms_error: float
@@ -273,9 +273,9 @@ class Built:
         Number of nodes with recorded segments; these come first.
     segments : tuple of Segment
     held_out : tuple of HeldOut
-        Halves of the segments, each compared with a model of the other half.
+        Comparisons of each half of the segments with a model of the other half.
     following : Following
-        The same for single segments.
+        Errors for single held-out segments.
     coverage : float
         Fraction of the plane, from rest to the largest speed and force, within the hull of the
         segments.
@@ -419,8 +419,8 @@ def _stationary(samples: FloatArray, size: int, labels: FloatArray) -> Iterator[
     terms = ahead * samples[:, None]
     total = np.zeros((count + 1, lags))
     total[1:] = np.cumsum(terms.reshape(count, size, lags).sum(axis=1), axis=0)
-    # Products of a sample before a block's end and a sample after it, which a segment that ends
-    # there lacks.
+    # Products of a sample before and a sample after a block's end, missing in a segment that ends
+    # there.
     reach = terms.reshape(count, size, lags)[:, size - lags + 1 :]
     left = np.arange(lags - 1, 0, -1)[:, None]
     crossing = (reach * (np.arange(lags) >= left)).sum(axis=1)
@@ -455,7 +455,7 @@ def _description(products: FloatArray, samples: IntArray, total: int) -> FloatAr
 def _order(groups: Sequence[Sequence[Segment]]) -> int:
     """Return the order at which Akaike's corrected criterion of all groups becomes flat.
 
-    The criterion of segments of a tenth of a second would be too low an order for their nodes.
+    From single segments of a tenth of a second, the order would be too low for the nodes.
     """
     samples = np.array([sum(each.samples for each in group) for group in groups], dtype=float)
     covariance = np.array([_covariance(group)[: LARGEST_ORDER + 1] for group in groups])
@@ -481,18 +481,18 @@ class _Plane:
     provenance: Provenance
 
     def model(self, segments: Sequence[Segment], count: int) -> TextureModel:
-        """Return a model of some segments with a number of measured nodes, and nodes around them.
+        """Return a model of some segments with a number of measured nodes, and a frame of nodes.
 
         Nodes at the edge of the segments, and of the frame, have the spectrum of the nearest
-        measured node and follow the law of growth. Without those at the edge the texture would
-        fade from the mean force of the lightest node on, within the recorded range.
+        measured node and follow the power law. Without nodes at the edge, the texture would fade
+        below the mean force of the lightest node, within the recorded range.
         """
         groups = _groups(segments, count, self.largest)
         labels = np.array([_label(group) for group in groups])
         covariance = np.array([_covariance(group) for group in groups])[:, : self.order + 1]
         growth = _Growth(segments)
         expected = np.array([growth.mean_power(group) for group in groups])
-        # A group's mean power is not that at its mean speed and force.
+        # A group's mean power differs from the power at its mean speed and force.
         covariance *= (growth.power(labels) / expected)[:, None]
         polynomials, variances = texture.levinson(covariance)
         lsf = np.array([texture.from_polynomial(each) for each in polynomials])
@@ -582,7 +582,7 @@ class _Growth:
         unexplained = powers - points @ np.linalg.lstsq(points, powers)[0]
         noise = float(unexplained @ unexplained) / max(len(segments) - 3, 1)
         doubt = noise / PRIOR**2 * np.eye(2)
-        # Least squares, as without noise and at one force the matrix has no inverse.
+        # Least squares: without noise and at a single force, the matrix is singular.
         fitted = np.linalg.lstsq(points.T @ points + doubt, points.T @ powers)[0]
         self.exponents = np.maximum(fitted, 0.0)
 
@@ -681,7 +681,7 @@ def _hull(segments: Sequence[Segment], largest: FloatArray) -> tuple[FloatArray,
     points = np.array([(each.speed, each.force) for each in segments]) / largest
     try:
         hull = ConvexHull(points)
-    except (QhullError, ValueError):  # fewer than three, or collinear
+    except (QhullError, ValueError):  # fewer than three segments, or collinear ones
         order = np.lexsort(points.T)
         return points[order[[0, -1]]], 0.0
     return points[hull.vertices], float(hull.volume)

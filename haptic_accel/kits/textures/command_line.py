@@ -48,7 +48,7 @@ from haptic_accel.materials.texture_files import write_texture
 MILLI = 1e-3
 
 MOST_DRAWN, MOST_LISTED = 6, 8
-"""Spectra in one plot, and groups of segments in the table of a report."""
+"""Maximum number of spectra in a plot, and of groups of segments in a report's table."""
 
 HELD_OUT = (
     tables.Column("speed_m_s", "speed", "mm/s", 0, lambda each: each.speed, 1 / MILLI),
@@ -58,7 +58,7 @@ HELD_OUT = (
     tables.Column("rms_m_s2", "RMS", "m/s²", 2, lambda each: each.rms),
     tables.Column("model_rms_m_s2", "model's", "", 2, lambda each: each.modelled_rms),
 )
-"""Columns of the table of segments that a model was built without."""
+"""Columns of the table of held-out segments."""
 
 NODES = (
     tables.Column("speed_m_s", "speed", "mm/s", 0, factor=1 / MILLI),
@@ -69,7 +69,7 @@ NODES = (
 
 
 def held_out_table(built: Built) -> tables.ResultTable:
-    """Return prediction errors of segments held out of the model, the largest first."""
+    """Return the prediction errors of held-out segments, the largest first."""
     low, high = BAND
     title = f"least well predicted by a model of the other half, {low:g} to {high:g} Hz"
     worst = sorted(built.held_out, key=lambda each: -each.distance)[:MOST_LISTED]
@@ -110,7 +110,7 @@ def nodes_table(model: TextureModel) -> tables.ResultTable:
 def draw(
     model: TextureModel, held_out: Sequence[HeldOut] = (), segments: Sequence[Segment] = ()
 ) -> Figure:
-    """Draw spectra, and the plane of speed and force with its triangles."""
+    """Draw the spectra, and the plane of speed and force with its triangles."""
     figure = Figure(figsize=(11, 4.6), layout="constrained", facecolor="white")
     spectra, plane = figure.subplots(1, 2)
     if held_out:
@@ -152,7 +152,7 @@ def _draw_spectra(panel: Axes, model: TextureModel) -> None:
 
 
 SOUND_RATE = 8000
-"""Sampling rate of sound files, Hz: the lowest that every player takes."""
+"""Sampling rate of sound files, Hz: the lowest that every player supports."""
 
 _model_argument = click.argument("model", metavar="NAME|FILE")
 _csv_rate = click.option(
@@ -332,7 +332,7 @@ def render(model: str, speed: float, force: float, seconds: float, out: Path) ->
     check_writable(out, "out")
     found = read_texture(preset_file("texture", model))
     texture = Texture(found, found.rate, 0, FULL_SCALE)
-    # The speed's low-pass has settled after a tenth of a second.
+    # The low-pass of the speed settles within a tenth of a second.
     before, samples = round(0.2 * found.rate), round(seconds * found.rate)
     constant = np.ones(before + samples)
     acceleration = texture.block(constant * speed * MILLI, constant * force)[before:]
@@ -366,12 +366,12 @@ def _csv(
 
 
 def _bag(path: Path) -> Recording:
-    """Return the slave's recording in a bag, with contact force or else arm force."""
+    """Return the slave's recording in a bag, with the contact force or else the arm force."""
     from haptic_accel.bags.reading import read_bag_with_warnings
 
     bag = read_bag_with_warnings(path)
     contact = CONTACT_FORCE.name in bag.signals
-    # On the grid of its samples, as its position would be.
+    # Put the force on the grid of its samples, as a position would be.
     track = bag_track(bag, replace(SLAVE, position=CONTACT_FORCE if contact else SLAVE_ARM_FORCE))
     pressing = track.position[:, 2] * (1 if contact else -1)
     speed = np.hypot(track.velocity[:, 0], track.velocity[:, 1])

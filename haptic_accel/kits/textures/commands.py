@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The verb ``haptic-accel texture``: its verbs and their summaries."""
+"""Command ``haptic-accel texture``: its subcommands and their summaries."""
 
 from __future__ import annotations
 

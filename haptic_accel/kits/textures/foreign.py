@@ -219,7 +219,7 @@ PATTERN_RATE = 2000.0
 """Sampling rate of patterns, Hz: more than six times their highest frequency."""
 
 FLOOR = 1e-6
-"""Power density relative to its mean below which a spectrum is not modelled: 60 dB."""
+"""Power density, relative to the mean, below which a spectrum is not modelled: -60 dB."""
 
 NPZ_ARRAYS = ("data", "sample_rate", "channel_names")
 """Arrays of an NPZ file that are read."""

@@ -20,27 +20,27 @@ from haptic_accel import FloatArray
 from haptic_accel.core.evaluation.statistics import CONFIDENCE, Interval, mean_interval
 
 _ITERATIONS = 100
-_CLOSE = 1e-10  # step of a log worth at which the fit has converged
-_STEPS = 3000  # of the majorization, at most
-_GAIN = 1e-10  # relative decrease of the stress at which it has converged
+_CLOSE = 1e-10  # step of a log worth below which the fit has converged
+_STEPS = 3000  # maximum number of steps of the majorization
+_GAIN = 1e-10  # relative decrease of the stress at convergence
 
 
 @dataclass(frozen=True)
 class Transfer:
-    """Information that answers carry of the stimuli.
+    """Information that answers transfer about the stimuli.
 
     Attributes
     ----------
     bits : float
         Transferred information, corrected for its bias; never negative.
     uncorrected : float
-        Information in the matrix as it is, which is too large with few trials: also guesses seem
-        to transfer some.
+        Information without correction, which is too large with few trials: even guesses seem to
+        transfer some.
     categories : float
-        Number of stimuli that are told apart without error at this information.
+        Number of stimuli that can be identified without error at this information.
     trials : int
-        Below about five for each cell of the matrix, the correction does not suffice (Miller
-        1955); near perfect answers it is too strong.
+        Number of trials. Below about five per cell of the matrix, the correction is too small
+        (Miller 1955); near perfect answers it is too large.
     """
 
     bits: float
@@ -56,10 +56,10 @@ class Scaling:
     Attributes
     ----------
     points : ndarray, shape (k, 2)
-        In the unit of the dissimilarities, along principal axes around 0. Directions are
-        arbitrary.
+        Centred coordinates along the principal axes, in the unit of the dissimilarities.
+        Directions are arbitrary.
     stress : float
-        Kruskal's stress 1: root of the squared errors over the squared distances.
+        Kruskal's stress 1: root of the sum of squared errors divided by that of squared distances.
     """
 
     points: FloatArray
@@ -75,13 +75,13 @@ def bradley_terry(wins: ArrayLike) -> list[Interval]:
     Parameters
     ----------
     wins : array-like, shape (k, k) or (participants, k, k)
-        Number of times that the condition of the row was preferred to that of the column.
+        Number of times that the row's condition was preferred to the column's.
 
     Returns
     -------
     list of Interval
-        Worths of mean 0. With participants, intervals are those of the jackknife over them; for
-        one participant, Wald's.
+        Worths of mean 0, with intervals of the jackknife over participants or, for one
+        participant, of Wald.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def confusion_matrix(
 
 
 def information_transfer(confusions: ArrayLike) -> Transfer:
-    """Return the information that one participant's answers carry of the stimuli.
+    """Return the information that one participant's answers transfer about the stimuli.
 
     Parameters
     ----------
@@ -135,8 +135,9 @@ def information_transfer(confusions: ArrayLike) -> Transfer:
     Returns
     -------
     Transfer
-        NaN without trials. The bias (rows - 1) (columns - 1) / (2 trials ln 2) is subtracted, with
-        the rows and columns that occur (Miller, in "Information Theory in Psychology", 1955).
+        Information, NaN without trials. The bias (rows - 1) (columns - 1) / (2 trials ln 2) is
+        subtracted, for the rows and columns that occur (Miller, in "Information Theory in
+        Psychology", 1955).
     """
     counts = np.asarray(confusions, dtype=float)
     n = float(np.sum(counts))
@@ -155,12 +156,12 @@ def information_transfer(confusions: ArrayLike) -> Transfer:
 def scale_dissimilarities(dissimilarities: ArrayLike) -> Scaling:
     """Return points of the plane whose distances are close to dissimilarities (metric scaling).
 
-    Begins with Torgerson's classical scaling, and reduces the stress by majorization.
+    The fit starts with Torgerson's classical scaling, and reduces the stress by majorization.
 
     Parameters
     ----------
     dissimilarities : array-like, shape (k, k)
-        Of each two conditions, not negative; the mean of both triangles counts.
+        Dissimilarity of each two conditions, not negative; the mean of both triangles is used.
     """
     given = np.asarray(dissimilarities, dtype=float)
     given = (given + given.T) / 2
@@ -184,7 +185,7 @@ def scale_dissimilarities(dissimilarities: ArrayLike) -> Scaling:
 
 
 def _worths(wins: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return log worths and their covariance, by Newton's steps of Firth's score."""
+    """Return log worths and their covariance, by Newton steps on Firth's score."""
     compared = wins + wins.T
     k = len(wins)
     if np.linalg.matrix_rank(np.diag(compared.sum(axis=1)) - compared) < k - 1:
@@ -196,7 +197,7 @@ def _worths(wins: FloatArray) -> tuple[FloatArray, FloatArray]:
         covariance = np.linalg.pinv(np.diag(weights.sum(axis=1)) - weights)
         variances = np.diag(covariance)
         leverage = weights * (variances + variances[:, np.newaxis] - 2 * covariance)
-        # The correction adds choices, half for either side; without them, steps are too large.
+        # The correction adds half a choice to each side; without it, steps are too large.
         weights = weights + leverage * p * (1 - p)
         score = np.sum(wins - compared * p + leverage * (0.5 - p), axis=1)
         step = np.linalg.pinv(np.diag(weights.sum(axis=1)) - weights) @ score

@@ -32,15 +32,15 @@ from haptic_accel import FloatArray
 from haptic_accel.core.evaluation.statistics import CONFIDENCE, Alternative, Interval
 
 LARGEST_D_PRIME = 20.0
-"""Largest d' that is distinguished from infinity; errors are below 1e-14 in all tasks."""
+"""Largest finite d'; errors are below 1e-14 in all tasks."""
 
 CHANCE: Mapping[str, float] = {"2ifc": 1 / 2, "odd_one_out": 1 / 3, "abx": 1 / 2}
 """Proportion correct of guesses, in the tasks whose d' follows from the proportion correct."""
 
-_Count: TypeAlias = tuple[float, float]  # of answers, and of trials
+_Count: TypeAlias = tuple[float, float]  # number of answers, number of trials
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(60)
-_REFINEMENTS = 3  # each 30 times finer; the likelihood has one maximum over the criterion
+_REFINEMENTS = 3  # each 30 times finer; only one maximum over the criterion exists
 
 
 @dataclass(frozen=True)
@@ -50,10 +50,10 @@ class Proportion:
     Attributes
     ----------
     interval : Interval
-        Proportion with the interval of Clopper and Pearson (1934), which covers at least as often
-        as it claims.
+        Proportion with the interval of Clopper and Pearson (1934), whose coverage is at least the
+        nominal one.
     chance : float
-        Proportion of the hypothesis.
+        Proportion of the null hypothesis.
     p : float
         Probability of the exact binomial test; NaN without trials.
     """
@@ -146,9 +146,9 @@ def sensitivity(task: str, proportion: float) -> float:
 def d_prime(task: str, correct: int, trials: int) -> Interval:
     """Return d' from a participant's number of correct answers.
 
-    A preference for one of the answers lowers it. To the correct answers and the trials, chance
-    and one are added, so that d' is finite and nearly unbiased: for two answers, the log-linear
-    rule (Hautus, Behavior Research Methods 27, 1995).
+    A preference for one of the answers lowers d'. To make d' finite and nearly unbiased, the
+    chance proportion is added to the correct answers, and one to the trials: for two answers, the
+    log-linear rule (Hautus, Behavior Research Methods 27, 1995).
 
     Parameters
     ----------
@@ -159,8 +159,8 @@ def d_prime(task: str, correct: int, trials: int) -> Interval:
     Returns
     -------
     Interval
-        Limits follow from those of the exact binomial interval, and cover at least as often as
-        they claim. The upper one is infinite without an error.
+        d' with limits from the exact binomial interval, whose coverage is at least the nominal
+        one. The upper limit is infinite without an error.
 
     Raises
     ------
@@ -178,21 +178,22 @@ def d_prime(task: str, correct: int, trials: int) -> Interval:
 def d_prime_by_answers(hits: int, different: int, false_alarms: int, same: int) -> Interval:
     """Return d' of ``same_different`` from a participant's answers.
 
-    Each criterion is possible, and does not change d'. Rates are corrected by the log-linear rule
-    (Hautus 1995). The interval holds those of the profile likelihood over the criterion, of the
-    counts and of the corrected counts: the former alone is too narrow near the ceiling.
+    The participant's criterion does not change d'. Rates are corrected by the log-linear rule
+    (Hautus 1995). The interval contains two intervals of the profile likelihood over the
+    criterion, from the counts and from the corrected counts: the former alone is too narrow near
+    the ceiling.
 
     Parameters
     ----------
     hits, different : int
-        Answers "different", and trials with a difference.
+        Number of answers "different" in trials with a difference, and of these trials.
     false_alarms, same : int
-        The same answers, and trials without.
+        Number of answers "different" in trials without a difference, and of these trials.
 
     Returns
     -------
     Interval
-        Limits are infinite where the answers set no bound.
+        d' with limits, which are infinite if the answers set no bound.
 
     Raises
     ------
@@ -278,7 +279,7 @@ def _log_likelihood(rate: FloatArray, chosen: float, trials: float) -> FloatArra
 
 
 def _limits(inside: float, first: _Count, second: _Count) -> tuple[float, float]:
-    """Return the end of the interval: the likelihood is below that of its confidence beyond."""
+    """Return the ends of the interval, beyond which the likelihood is below its threshold."""
     from scipy import stats
     from scipy.optimize import brentq
 

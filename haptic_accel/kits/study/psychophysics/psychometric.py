@@ -7,12 +7,12 @@ The proportion correct at a distance x from the reference is
 
     chance + (1 - chance - lapse) F(slope (ln x - ln threshold)).
 
-The proportion of guesses, chance, is that of the task; `SIGMOIDS` are the shapes of F. Parameters
-are the most probable ones, under priors that hold a fit together where the data cannot (as in
-psignifit 4: Schütt, Harmeling, Macke, Wichmann, Vision Research 122, 2016). Intervals are those of
-the posterior on a grid: they hold for staircases and QUEST+, too, whose levels depend on earlier
-answers, while a bootstrap would have to repeat the procedure, and costs a fit for each draw.
-`benchmarks/studies.py` measures both.
+The guess rate, chance, depends on the task; `SIGMOIDS` are the shapes of F. Parameters are the
+most probable ones, under priors that stabilise a fit to insufficient data (as in psignifit 4:
+Schütt, Harmeling, Macke, Wichmann, Vision Research 122, 2016). Intervals follow from the posterior
+on a grid. They are also valid for staircases and QUEST+, whose levels depend on earlier answers; a
+bootstrap would have to repeat the procedure, with a fit for each draw. `benchmarks/studies.py`
+measures both.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from haptic_accel.core.evaluation.statistics import CONFIDENCE, Interval
 from haptic_accel.kits.study.psychophysics.detection import CHANCE, proportion_correct
 
 SLOPES = (0.5, 4.0)
-"""Range of slopes that are equally probable beforehand. d' grows about as the distance from a
+"""Range of slopes that are equally probable a priori. d' grows about as the distance from a
 reference, and as its power of 2 to 3 near a detection threshold (Pelli, Vision Research 27,
 1987)."""
 
@@ -39,19 +39,19 @@ SLOPE_MARGIN = math.log(2.5)
 """Distance beyond `SLOPES`, as a logarithm, at which a slope is impossible."""
 
 LEAST_MARGIN = 1.0
-"""Least distance beyond the levels, as a logarithm, at which a threshold is impossible; else it
-is their range."""
+"""Minimum distance beyond the levels, as a logarithm, at which a threshold is impossible; the
+distance is the levels' range if that is larger."""
 
 LAPSE = 50.0
-"""Exponent of the lapses' prior, (1 - lapse)^(LAPSE - 1), of mean 2 %. It makes lapses beyond 6 %
-improbable, which Wichmann and Hill exclude (Perception & Psychophysics 63, 2001)."""
+"""Exponent of the lapses' prior, (1 - lapse)^(LAPSE - 1), of mean 2 %. The prior makes lapses
+above 6 % improbable, which Wichmann and Hill exclude (Perception & Psychophysics 63, 2001)."""
 
-_SHAPE = (25, 21, 11)  # of the grid over log threshold, log slope, lapse: limits within 3 %
+_SHAPE = (25, 21, 11)  # grid over log threshold, log slope, lapse: limits within 3 %
 _LARGEST_LAPSE = 0.2
-_STAGES = (100.0, 1500.0, math.inf)  # trials that count while the grid shrinks to the support
-_REFINEMENTS = 3  # times that it shrinks to the cells around the maximum
-_PLAUSIBLE = 1.92  # fall of the log-likelihood that the data do not exclude: chi-square / 2
-_NEGLIGIBLE = 1e-5  # of the maximum of a marginal posterior
+_STAGES = (100.0, 1500.0, math.inf)  # trial counts while the grid shrinks to the support
+_REFINEMENTS = 3  # number of shrinkages to the cells at the maximum
+_PLAUSIBLE = 1.92  # plausible fall of the log-likelihood: chi-square / 2
+_NEGLIGIBLE = 1e-5  # fraction of the maximum of a marginal posterior
 
 _Sigmoid: TypeAlias = Callable[[FloatArray], FloatArray]
 _Axes: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
@@ -68,7 +68,7 @@ class Psychometric:
         One of `SIGMOIDS`.
     threshold : Interval
         Distance from the reference at which d' is 1, or for ``normal`` the proportion is halfway
-        between chance and its largest value, in the level's unit. Beyond the levels its value
+        between chance and its largest value, in the level's unit. Outside the levels the value
         depends on the prior. A limit is 0 or infinite where the answers exclude no threshold on
         that side.
     slope : Interval
@@ -106,7 +106,7 @@ def fit_psychometric(
     distances : array-like, shape (n,)
         Distances of the levels from the reference, all positive; equal ones are pooled.
     correct, trials : array-like, shape (n,)
-        Number of correct answers, and of trials, at each.
+        Number of correct answers, and of trials, at each distance.
     task : str
         One of `detection.CHANCE`.
     sigmoid : str
@@ -115,7 +115,7 @@ def fit_psychometric(
     Raises
     ------
     ValueError
-        There is no trial, a distance is not positive, or more answers are correct than there are.
+        The trials are empty, a distance is not positive, or `correct` exceeds `trials`.
 
     Examples
     --------
@@ -140,7 +140,7 @@ def fit_psychometric(
     axes = _grid(*data.ends())
     profile = np.max(data.log_posterior(axes, informed=False), axis=(1, 2))
     unbounded = profile[[0, -1]] > np.max(profile) - _PLAUSIBLE
-    # The posterior of many trials falls between the nodes of a coarse grid; that of few does not.
+    # The posterior of many trials is narrower than a coarse grid's spacing; of few trials, wider.
     for counted in _STAGES:
         weight = min(1.0, counted / n)
         axes = _grid(*map(_support, axes, _marginals(weight * data.log_posterior(axes))))
@@ -223,7 +223,7 @@ def _normal(task: str) -> _Sigmoid:
 
 SIGMOIDS: Mapping[str, Callable[[str], _Sigmoid]] = {"d_prime": _d_prime, "normal": _normal}
 """Shapes by name: d' as a power of the distance, as for `protocol.Observer`, and the cumulative
-normal distribution over its logarithm, in which most papers state thresholds."""
+normal distribution over the logarithm of the distance, as in most papers."""
 
 
 def _box(x: FloatArray, low: float, high: float, margin: float) -> FloatArray:
@@ -262,7 +262,7 @@ def _best(log_posterior: FloatArray) -> tuple[int, ...]:
 
 
 def _quantiles(axis: FloatArray, marginal: FloatArray) -> tuple[float, float]:
-    """Interpolate between nodes on the normal scale, where tails are nearly straight."""
+    """Return the limits, interpolated on the normal scale, where tails are nearly straight."""
     from scipy.special import ndtri
 
     known = ndtri(np.clip(np.cumsum(marginal) - marginal / 2, 1e-12, 1 - 1e-12))
