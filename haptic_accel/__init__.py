@@ -3,9 +3,10 @@
 
 """Teleoperation with high-frequency acceleration feedback.
 
-The public interface has five roots: this one for notebooks, scripts and parameters;
-`haptic_accel.controllers` and `haptic_accel.devices` for those of other packages;
-`haptic_accel.analysis` for bags as data frames; `haptic_accel.commands` for further commands.
+The public interface has five roots: `haptic_accel` for notebooks, scripts and parameters;
+`haptic_accel.controllers` and `haptic_accel.devices` for controllers and devices of other
+packages; `haptic_accel.analysis` for bags as data frames; `haptic_accel.commands` for additional
+commands.
 
 Examples
 --------
@@ -29,12 +30,12 @@ _MODULES: dict[str, dict[str, str]] = {}
 
 
 def lazy_names(root: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return ``__getattr__`` and ``__dir__`` of a root whose names are loaded at their first use.
+    """Return ``__getattr__`` and ``__dir__`` of a root that loads its names at their first use.
 
     Parameters
     ----------
     root, file : str
-        Name and file of the root. The stub beside the file imports the names, for type checkers.
+        Name and file of the root. For type checkers, a stub in the same folder imports the names.
     """
 
     def modules() -> dict[str, str]:

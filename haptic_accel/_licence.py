@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Header of the source files, for ament_copyright, which knows none of SPDX's by itself."""
+"""Licence header of the source files, for ament_copyright, which recognizes no SPDX header."""
 
 from types import SimpleNamespace
 

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Public interface for commands: those of kits, of other packages and of benchmarks."""
+"""Public interface for the commands of kits, other packages and benchmarks."""
 
 from haptic_accel import lazy_names
 

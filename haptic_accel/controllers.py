@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Public interface for controllers of other packages, which are loaded while the package is."""
+"""Public interface for controllers of other packages, loaded together with `haptic_accel`."""
 
 from haptic_accel import lazy_names
 

@@ -1,4 +1,4 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The command line `haptic-accel`."""
+"""Command line `haptic-accel`."""

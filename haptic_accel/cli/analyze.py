@@ -82,7 +82,7 @@ def analyze(
     for a paper, and tables.
     """
     bags = [bag for path in paths for bag in find_bags(path)]
-    # Its libraries take a second to import, for which a path without bags need not wait.
+    # Imported after the search for bags, as the libraries take a second to load.
     from haptic_accel.analysis.frames import RUNS, check_comparison, compared
     from haptic_accel.analysis.loading import analyse
     from haptic_accel.analysis.metrics import Shift
@@ -111,7 +111,7 @@ def analyze(
                 ended=print_trials,
             )
             if not analysis.trials and len(bags) == 1:
-                read_bag(bags[0])  # or says in one line why it cannot be read
+                read_bag(bags[0])  # raises the reason why it cannot be read
         except ParameterError:
             folder.rmdir()
             raise

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``haptic-accel bag``: contents of a bag, and repair of one that was cut off or damaged."""
+"""``haptic-accel bag``: contents of a bag, and repair of a truncated or damaged one."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def _contents(path: Path) -> tuple[list[Path], Metadata]:
     Raises
     ------
     ParameterError
-        It is not a bag, or has no metadata.
+        The path is not a bag, or the bag has no metadata.
     """
     if not os.path.isdir(path):
         raise ParameterError(f"{path}: must be the folder of a bag")
@@ -117,7 +117,7 @@ def _contents(path: Path) -> tuple[list[Path], Metadata]:
 
 
 def _problems(path: Path, files: Sequence[Path], metadata: Metadata) -> Iterator[str]:
-    """Yield damage, and differences of metadata and files; files of another form are not read."""
+    """Yield damage, and differences of metadata and files; other file formats are not read."""
     missing = (each.name for each in metadata.files if not os.path.exists(path / each.name))
     yield from (f"{name}: is missing" for name in missing)
     found: list[FileEntry] = []
@@ -131,7 +131,7 @@ def _problems(path: Path, files: Sequence[Path], metadata: Metadata) -> Iterator
 
 
 def _other_recordings(path: Path, files: Sequence[Path], metadata: Metadata) -> list[list[str]]:
-    """Return the files of each recording beside that of metadata.yaml."""
+    """Return the files of each recording other than that of metadata.yaml."""
     is_listed = {file.name for file in files} <= {file.name for file in metadata.files}
     if is_listed and not continuous((f.start, f.end) for f in metadata.files if f.messages):
         return []

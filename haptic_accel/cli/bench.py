@@ -42,16 +42,16 @@ except ImportError:
     raise ParameterError(needed) from None
 
 ROUNDS = 2
-"""Number of rounds in which graph and empty loop alternate, so that both meet the same machine."""
+"""Number of rounds in which graph and empty loop alternate, so that both see the same load."""
 
 MOST_PAIRS = 16
-"""Most graphs at a time; more would start hundreds of processes."""
+"""Maximum number of simultaneous graphs; more would start hundreds of processes."""
 
 MEBI = 2**20
 
 
 class Usage:
-    """CPU and memory that the processes of graphs use while all graphs are engaged.
+    """CPU and memory use of the processes of graphs while all graphs are engaged.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Usage:
     Attributes
     ----------
     cpu_cores, peak_mb : dict
-        By executable, over all graphs: cores used; resident memory of the largest process, MiB.
+        Cores used over all graphs, and resident memory of the largest process, MiB, by executable.
         Empty until all graphs were engaged at the same time and one of them has ended.
     """
 
@@ -74,8 +74,8 @@ class Usage:
         self.peak_mb: dict[str, float] = {}
 
     def watch(self, supervisor: Supervisor, event: Mapping[str, Any]) -> None:
-        """Take an event of a graph: its arms engage, or its duration is over."""
-        # A missing process means that its graph failed, which is reported elsewhere.
+        """Process an event of a graph: its arms engage, or its duration is over."""
+        # A missing process means that its graph has failed, which is reported elsewhere.
         with self._lock, suppress(psutil.NoSuchProcess):
             if event["event"] == ENGAGED:
                 self._engaged.append(supervisor)
@@ -83,7 +83,7 @@ class Usage:
                     started = [item for each in self._engaged for item in each.pids.items()]
                     processes = [(name, psutil.Process(pid)) for name, pid in started]
                     for _, process in processes:
-                        process.cpu_percent()  # counts from here
+                        process.cpu_percent()  # the next call measures from here
                     self._processes = processes
             elif event["event"] == OVER and self._processes and not self.cpu_cores:
                 self._drain()
@@ -187,7 +187,7 @@ def _compared(runs: Sequence[GraphArguments], pairs: int, stop: Callable[[], boo
         except StoppedError as end:
             if end.status == INTERRUPTED:
                 raise
-            # A rate beyond the machine's limits is a result too; the next may be lower.
+            # A rate beyond the machine's limits is a result, too; the next rate may be lower.
             not_run.append(arguments.rate)
     held = measured.rate_held(rows)
     title = f"highest rate held: {f'{held:g} Hz' if held else 'none'}"
@@ -198,17 +198,17 @@ def _compared(runs: Sequence[GraphArguments], pairs: int, stop: Callable[[], boo
 
 
 def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool], tick: str) -> Row:
-    """Run graphs as users run them, or in plain Python; return their metrics over all pairs.
+    """Run graphs compiled, as users do, or in plain Python; return metrics over all pairs.
 
     Returns
     -------
     dict
-        deadlines, age_us, period_error_us, late, lost, missed, ticks, cpu_cores, peak_mb.
+        Metrics: deadlines, age_us, period_error_us, late, lost, missed, ticks, cpu_cores, peak_mb.
 
     Raises
     ------
     StoppedError
-        Interrupted, or a graph failed.
+        The run was interrupted, or a graph failed.
     """
     usage = Usage(pairs)
     first = own_domain()
@@ -237,6 +237,6 @@ def _arguments(words: Sequence[str], rate: float, seconds: float) -> GraphArgume
         raise ParameterError(f"seconds = {seconds:g}: must leave at least 1 s for each run")
     arguments = parse_arguments([*words, f"rate:={rate}", f"duration:={seconds}"])
     check_both_arms(arguments)
-    # Refuses wrong values before the first run.
+    # Check all values before the first run.
     graph(arguments)
     return arguments

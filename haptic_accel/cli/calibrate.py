@@ -50,7 +50,7 @@ HELD = {MASTER: "handle", SLAVE: "tool"}
 GRAVITY, REFERENCE, FORCE, NAME, RELATIVE = "gravity", "reference", "force", "name", "relative"
 
 AMPLITUDE = 0.5
-"""Strongest force, relative to full scale; the second half of the noise has a quarter of it."""
+"""Largest amplitude of the played noise, relative to full scale."""
 
 WEAK = 0.25
 """Strength of the second half of the noise, relative to the first."""
@@ -90,14 +90,14 @@ class AudioInputArguments(Checked):
 
 
 def calibrate_input(arguments: AudioInputArguments) -> None:
-    """Measure, print, and write the scale of an input into a parameter file.
+    """Measure and print the scale of an input, and write it to a parameter file.
 
     Raises
     ------
     ParameterError
-        An argument does not go with the others.
+        An argument contradicts the others.
     StoppedError
-        The card cannot be used, the measurement gives no scale, or the input ended.
+        The card is unusable, the measurement gives no scale, or the input ended.
     """
     _check(arguments)
     path = Path(arguments.file)
@@ -139,7 +139,7 @@ def _check(arguments: AudioInputArguments) -> None:
 
 
 def _still(arguments: AudioInputArguments, request: str) -> FloatArray:
-    """Return all inputs while a person does something, shape (n, channels)."""
+    """Request an action of the user; return all inputs during it, shape (n, channels)."""
     input(f"{request}, then press Enter\n")
     return _now(arguments)[0]
 
@@ -147,7 +147,7 @@ def _still(arguments: AudioInputArguments, request: str) -> FloatArray:
 def _now(
     arguments: AudioInputArguments, played: FloatArray | None = None
 ) -> tuple[FloatArray, float]:
-    """Return the inputs from now on, and their rate; a coil may play meanwhile."""
+    """Record the inputs from now on, while a coil may play; return them and their rate."""
     a = arguments
     last = max(a.input, a.reference if a.by == REFERENCE else 1)
     if played is not None:
@@ -196,7 +196,7 @@ def shaking(count: int, rate: float) -> FloatArray:
 
 
 def _stated(arguments: AudioInputArguments) -> sound_calibration.InputCalibration:
-    """Return the scale that a sensor states, with the noise that it has at rest."""
+    """Return the sensor's specified scale, with the measured noise at rest."""
     scales = sound_calibration.digital_scales(arguments.device)
     if scales is None:
         raise ParameterError(
@@ -232,10 +232,10 @@ ALL = "".join(NAMES)
 """All axes of an accelerometer, which are calibrated with its mounting."""
 
 SKIP = "s"
-"""Answer that leaves out a pose."""
+"""Answer that skips a pose."""
 
 SERIAL = "serial"
-"""Name of the devices behind a serial board."""
+"""Name of devices with a serial board."""
 
 
 @dataclass(frozen=True)
@@ -349,7 +349,7 @@ def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration | Ax
 
 
 def _one_axis(arguments: CalibrateArguments, board: BoardSamples) -> Calibration:
-    """Turn one axis of the sensor over."""
+    """Calibrate one axis, held up and then down."""
     rests = []
     for way in ("up", "down"):
         input(f"hold the {arguments.axis} axis {way}, firm and still, then press Enter\n")
@@ -359,7 +359,7 @@ def _one_axis(arguments: CalibrateArguments, board: BoardSamples) -> Calibration
 
 
 def _all_axes(arguments: CalibrateArguments, board: BoardSamples) -> AxesCalibration:
-    """Hold handle or tool in all poses, except those that a person leaves out."""
+    """Calibrate all axes with handle or tool in all poses that the user does not skip."""
     poses = {}
     for name in POSES:
         held = f"hold the {HELD[arguments.side]} with its {name}, firm and still, then press Enter"
@@ -369,7 +369,7 @@ def _all_axes(arguments: CalibrateArguments, board: BoardSamples) -> AxesCalibra
 
 
 def _rests(arguments: CalibrateArguments, board: BoardSamples) -> list[Rest]:
-    """Return the rest of each sampled axis from now on."""
+    """Measure each sampled axis at rest from now on."""
     counts = board.collect(arguments.seconds)
     return [rest(axis, board.identity.nominal_gain) for axis in counts.T]
 

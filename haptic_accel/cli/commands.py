@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The command ``haptic-accel``: its verbs, their headings and summaries."""
+"""Command ``haptic-accel``: its subcommands, with headings and summaries."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ SECTIONS = {
         "doctor": "find causes of timing jitter on this machine; audio: try a sound card",
     },
 }
-"""Summaries of the verbs by heading. A heading without verbs is one that kits have verbs for."""
+"""Summaries of subcommands by heading; kits add subcommands to the empty headings."""
 
 command_line = LazyGroup(
     "haptic-accel",

@@ -27,7 +27,7 @@ KEEP = "keep"
 
 
 def _switch(text: str) -> Any:
-    """Declare a setting that can be switched on or off."""
+    """Declare a setting that is switched on or off."""
     return parameter(KEEP, text, choices=(KEEP, "true", "false"))
 
 
@@ -68,7 +68,7 @@ def control(arguments: ControlArguments) -> None:
     if replace(arguments, namespace="") == ControlArguments():
         settings = [name for name in schema(ControlArguments) if name != "namespace"]
         raise ParameterError(f"control: must be given one of {', '.join(settings)}")
-    # ROS takes a while to import: wrong words are refused without it.
+    # ROS is slow to import; wrong arguments are refused without it.
     from haptic_accel.cli.joining import connected
 
     with connected(arguments.namespace) as client:
@@ -76,15 +76,15 @@ def control(arguments: ControlArguments) -> None:
 
 
 async def _apply(client: ServiceClient, requests: Sequence[Request]) -> None:
-    """Send requests and print their changes, up to the first refusal."""
+    """Send requests and print their changes until one is refused."""
     from haptic_accel.nodes.service_client import RequestError
 
     side, refused = "", list[str]()
     if any(_arms(request) for request in requests):
-        with suppress(RequestError):  # without a coupler both devices can be armed
+        with suppress(RequestError):  # both devices can be armed without a coupler
             side = next(iter(await client.parameters("coupler", ["side"])), None) or ""
     for request in requests:
-        # A device is armed even if the other refuses; a peer's device is not here.
+        # Arm a device even if the other refuses; skip the peer's device.
         if _arms(request) and not request.service.startswith(side):
             continue
         if refused and not _arms(request):
@@ -102,7 +102,7 @@ def _arms(request: Request) -> bool:
 
 
 def _requests(arguments: ControlArguments) -> Iterator[Request]:
-    """Yield the requests that carry out the arguments, in their order."""
+    """Yield the requests for the arguments, in their order."""
     from haptic_accel.nodes import graph_requests as make
 
     compensator: dict[str, Any] = {}

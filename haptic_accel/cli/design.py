@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``haptic-accel design``: predict the performance of a controller before anything runs."""
+"""``haptic-accel design``: predicted performance of a controller, without a run."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SHOWN = (10.0, 15.0, 20.0, 30.0, 50.0, 80.0, 120.0, 200.0, 300.0, 400.0)
 """Frequencies whose gain and phase are printed, Hz."""
 
 DESIGNED = ("inverse", "feedback", "adaptive")
-"""Controllers that are designed for a plant."""
+"""Controllers whose design depends on a plant."""
 
 RESPONSE = (
     Column("frequency_hz", "frequency", "Hz"),
@@ -46,7 +46,7 @@ RESPONSE = (
 """Columns of the table of the response."""
 
 DRAWN = 10.0
-"""Length of the texture that is drawn for the limits of travel and force, s: a trial's."""
+"""Length of the random texture for the limits of travel and force, s: as of a trial."""
 
 
 @verb(
@@ -134,7 +134,7 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
 
 
 def _drawn(spectrum: ToolSpectrum, rate: float) -> FloatArray:
-    """Return a texture with the expected spectrum, m/s^2, the same each time."""
+    """Return a random texture with the expected spectrum, m/s^2, equal in each call."""
     white = np.random.default_rng(0).standard_normal(round(DRAWN * rate))
     lines = np.fft.rfftfreq(len(white), 1.0 / rate).astype(np.float64)
     density = spectrum(lines) * rate / 2.0

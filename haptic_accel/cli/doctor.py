@@ -3,7 +3,7 @@
 
 """``haptic-accel doctor``: causes of timing jitter on this machine, with suggested fixes.
 
-Nothing is changed. ``haptic-accel bench latency`` measures the graph itself.
+The command changes nothing. ``haptic-accel bench latency`` measures the graph itself.
 ``haptic-accel doctor audio`` finds the sound card and channel of a coil.
 """
 
@@ -46,14 +46,14 @@ AGAIN = "r"
 """Answer that plays the tones again."""
 
 TONE = 100.0
-"""Frequency of the tones, Hz: coils of game controllers and exciters are strong there, and a hand
-feels it well."""
+"""Frequency of the tones, Hz: coils of game controllers and exciters are strong at this frequency,
+and a hand perceives it well."""
 
 SOFT = 0.1
 """Amplitude of the tones, relative to full scale."""
 
 TONE_TIME, FADE_TIME, PAUSE_TIME = 0.8, 0.2, 0.4
-"""Length of a tone, of its rise and fall each, and of the silence after it, s."""
+"""Length of a tone, of each of its two fades, and of the silence after it, s."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def examine(arguments: AudioTrialArguments, json_file: Path | None) -> None:
 
 
 def _tried_next(cards: Sequence[audio.ListedCard]) -> str:
-    """Return the word for the card of a preset, or else for one with nothing in between."""
+    """Return the argument for a preset's card, or else for a card without software between."""
     for name, preset in audio.PRESETS.items():
         last = max(audio.AudioParameters(preset=name).channels_of(1))
         if preset.device and any(preset.device in c.name and last <= c.channels for c in cards):
@@ -122,7 +122,7 @@ def _print_cards(cards: Sequence[audio.ListedCard]) -> None:
 
 
 def _felt(parameters: audio.AudioParameters) -> tuple[audio.AudioParameters, audio.SoundCard]:
-    """Play on each channel; return the parameters with those that a person felt, and the card."""
+    """Play on each channel; return parameters with the perceived channels, and the card."""
     print("a soft tone comes on each channel: hold the handle, and start with the amplifier low")
     answer = AGAIN
     while True:
@@ -141,7 +141,7 @@ def _felt(parameters: audio.AudioParameters) -> tuple[audio.AudioParameters, aud
 
 
 def _played_on_all(parameters: audio.AudioParameters) -> audio.SoundCard:
-    """Play on one channel of the card after the other; return the card, closed."""
+    """Play on each channel of the card in turn; return the closed card."""
     count = channel = 1
     while channel <= count:
         print(f"channel {channel}", flush=True)
@@ -149,13 +149,13 @@ def _played_on_all(parameters: audio.AudioParameters) -> audio.SoundCard:
         with closing(card):
             card.open()
             _play(card)
-        # A plug-in with any number of channels opens as many as it needs.
+        # A plug-in that supports any number of channels opens as many as requested.
         count, channel = card.channels if channel == 1 else count, channel + 1
     return card
 
 
 def _play(card: audio.SoundCard) -> None:
-    """Play a tone on an open card, and a silence."""
+    """Play a tone and a silence on an open card."""
     moments = np.arange(round((TONE_TIME + PAUSE_TIME) * card.rate)) / card.rate
     rise = np.clip(np.minimum(moments, TONE_TIME - moments) / FADE_TIME, 0.0, 1.0)
     samples = SOFT * (rise * np.sin(2 * np.pi * TONE * moments))[:, np.newaxis]
@@ -163,7 +163,7 @@ def _play(card: audio.SoundCard) -> None:
 
 
 def _write(path: Path, found: audio.AudioParameters, card: audio.SoundCard) -> None:
-    """Write the parameters of a card, and the latency that its blocks need at the default rate."""
+    """Write a card's parameters, and the latency that its blocks need at the default rate."""
     own = {name: getattr(found, name) for name in ("preset", "device", "channels")}
     latency = math.ceil(card.lead * DEFAULT_RATE) + 1
     if latency > HIGHEST_LATENCY:
@@ -215,7 +215,7 @@ def doctor(part: str | None, arguments: AudioTrialArguments, json_file: Path | N
 
 
 def tick_finding() -> Finding:
-    """Return what runs in every sample."""
+    """Report whether the tick is compiled or runs in plain Python."""
     if TICK == COMPILED:
         return Finding("tick", "ok", TICK)
     fix = "install a C compiler and Python's headers (gcc, python3-dev), then haptic_accel again"
@@ -228,7 +228,7 @@ def ros_findings() -> Iterator[Finding]:
         meaning = "no graph runs here; lockstep, analysis, design and textures do"
         yield Finding("ROS 2", "warning", "not installed", meaning, INSTALL_ROS)
         return
-    # Imports ROS, which may be broken.
+    # This imports ROS, which may be broken.
     from haptic_accel.nodes.installation import node_findings
 
     yield from node_findings()

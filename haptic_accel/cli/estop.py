@@ -20,17 +20,17 @@ from haptic_accel.graph.stop_signal import PendingStop, Signalled, age, own_doma
 from haptic_accel.setup.words import NamespaceArguments
 
 TIMEOUT = 2.5
-"""Time-out for the devices to be found and to confirm, s, before the graph is joined again."""
+"""Time-out for discovery and confirmation of the devices, s, before the graph is joined again."""
 
 ATTEMPTS = 3
-"""Number of times to join the graph. A process that joins in the same moment as a device may not
-find it for more than 5 s; one that joins afterwards finds it at once."""
+"""Maximum number of attempts to join the graph. A process that joins at the same moment as a
+device may not discover it for more than 5 s; one that joins later discovers it at once."""
 
 ANSWERING_TIME = 1.5
 """Time-out for a service to be found, and to answer, s: the coupler waits 1 s for the devices."""
 
 REASON_TIME = 3.0
-"""Time for which a refused release is requested again, s: the reason may just have gone."""
+"""Time for which a refused release is requested again, s: the reason may just have vanished."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def estop(signalled: Signalled | None, arguments: StopArguments) -> None:
     """
     domain, namespace = own_domain(), arguments.namespace
     if arguments.release:
-        line, silent = "", f"estop {NEEDS_ROS}"  # LeRobot's fast path does not
+        line, silent = "", f"estop {NEEDS_ROS}"  # LeRobot's fast path does not need ROS
         if has_ros():
             from haptic_accel.nodes.emergency_stop import release
 
@@ -67,7 +67,7 @@ def estop(signalled: Signalled | None, arguments: StopArguments) -> None:
             raise StoppedError(silent)
         print(f"emergency stop {line}")
         return
-    # By signals first: ROS takes a while to import, and to join the graph.
+    # Stop by signals first: ROS is slow to import and to join the graph.
     done = signalled or stop_graphs(domain, namespace)
     reached = "1 process" if done.processes == 1 else f"{done.processes} processes"
     quick = f"{reached} signalled after {done.after:.2f} s, " if done.processes else ""
@@ -82,7 +82,7 @@ def estop(signalled: Signalled | None, arguments: StopArguments) -> None:
         from haptic_accel.nodes.emergency_stop import stop_devices
 
         line, missing = _answer(namespace, stop_devices, TIMEOUT)
-    except Exception as error:  # whatever fails here, the user is told what is done
+    except Exception as error:  # report the result whatever fails here
         raise StoppedError(f"{quick}not confirmed: {one_line(error)}; {pending}") from None
     if missing:
         raise StoppedError(f"{quick}not confirmed: {_silent(missing)}; {pending}")
@@ -92,7 +92,7 @@ def estop(signalled: Signalled | None, arguments: StopArguments) -> None:
 def _answer(
     namespace: str, request: Callable[..., Any], timeout: float
 ) -> tuple[str, Collection[str]]:
-    """Join a graph until all devices answer a request; return a line, and who did not answer."""
+    """Join a graph until all devices answer a request; return a line, and silent devices."""
     from haptic_accel.cli.joining import connected
 
     for _ in range(ATTEMPTS):

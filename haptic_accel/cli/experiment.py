@@ -46,13 +46,13 @@ network_option = partial(
 )
 
 COMPARED = ("none", "constant", "dynamic", "adaptive")
-"""The paper's controllers, and the one with the least error."""
+"""The paper's controllers, and the controller with the least error."""
 
 DURATION = 10.0
 """Default length of a condition, s."""
 
 UNFINISHED = "unfinished.part"
-"""File of results in the folder of an experiment that was interrupted."""
+"""File that marks the folder of an unfinished experiment, with its results."""
 
 AROUND = 4.0
 """Estimated time for starting and stopping the graph, s, for the time left."""
@@ -120,14 +120,14 @@ def experiment(
         )
         for controller in ([arguments.controller] if "controller" in given else controllers)
     ]
-    # All wrong arguments are found before any run.
+    # Find all wrong arguments before any run.
     processes = [graph(planned) for planned in plan]
     with nullcontext() if lockstep else sole_graph(arguments.namespace):
         folder = results_folder(out, unfinished=UNFINISHED)
         if not lockstep:
             click.echo(arrangement(processes[0]))
         conditions = recorded_conditions(plan, folder / "bags", channel, lockstep)
-        (folder / UNFINISHED).touch()  # by which the folder is known when the study goes on
+        (folder / UNFINISHED).touch()  # marks the folder for the continuation
         again = () if out else (next_command(*sys.argv[1:], "--out", str(folder)),)
         study = (conditions, "conditions", str, Journal(folder / UNFINISHED, *again))
         if lockstep:
@@ -144,7 +144,7 @@ def experiment(
 def _checked(
     arguments: names.GraphArguments, given: Sequence[str], seeds: int, lockstep: bool
 ) -> names.GraphArguments:
-    """Return the arguments with the duration of a condition; refuse those that cannot be run."""
+    """Return the arguments with a condition's duration; refuse those that cannot be run."""
     names.check_both_arms(arguments)
     if arguments.master == names.POINTER:
         raise ParameterError(f"master = '{names.POINTER}': an experiment has no user to move it")
@@ -167,7 +167,7 @@ def _checked(
 def _channel(
     delay: float | None, jitter: float | None, loss: float | None, lockstep: bool
 ) -> ChannelParameters | None:
-    """Return the requested network, times in ms; None for none."""
+    """Return the requested network, from times in ms; None if none is requested."""
     if delay is jitter is loss is None:
         return None
     if not lockstep:
@@ -178,7 +178,7 @@ def _channel(
 def _run_live(
     conditions: Sequence[table.RecordedCondition], stop: Stop, show: Show
 ) -> Iterator[tuple[int, str]]:
-    """Run one condition after the other through the graph; yield indices, lines with errors."""
+    """Run the conditions in turn through the graph; yield indices, and lines with errors."""
     for index, condition in enumerate(conditions):
         bag, arguments = condition.bag, condition.arguments
         table.set_aside(bag)
@@ -201,7 +201,7 @@ def _run_live(
 
 
 def _report(run: Run, folder: Path, json_file: Path | None, workers: Workers) -> bool:
-    """Analyse the bags, print, and write report and JSON; return whether all could be analysed."""
+    """Analyse the bags; print results, and write report and JSON; return true if all succeeded."""
     with stop_on_signal() as stop:
         analysis = analyse(list(run.done), spread=partial(workers.map, stop=stop))
     if not run.lockstep:
@@ -216,7 +216,7 @@ def _report(run: Run, folder: Path, json_file: Path | None, workers: Workers) ->
 
 
 def _in_lockstep(done: Mapping[Path, names.GraphArguments], workers: Workers) -> dict[Path, float]:
-    """Return the errors of the same conditions in lockstep, %, by bag; none with real devices."""
+    """Return the errors of the same conditions in lockstep, %, by bag; empty for real devices."""
     simulated = {
         bag: given
         for bag, given in done.items()

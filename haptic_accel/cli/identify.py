@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``haptic-accel identify``: parameter file for a handle, from the paper's sweep."""
+"""``haptic-accel identify``: parameter file of a handle, from the paper's sweep."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ from haptic_accel.setup.rig_file import teleoperation_words, update_parameter_fi
 from haptic_accel.setup.setup import Setup
 
 LESS = math.sqrt(0.5)
-"""Ratio of the amplitudes of two runs, the first of which was too strong: half the power."""
+"""Factor of the amplitude for a repetition of a run that was too strong: half the power."""
 
 SMALLEST_SHARE = 0.05
-"""Share of the default amplitudes below which no run is tried."""
+"""Fraction of the default amplitudes below which no run is tried."""
 
 _ByGrip: TypeAlias = Mapping[str, IdentifyArguments]
 _Advise: TypeAlias = Callable[[RecordingError], str]
@@ -125,7 +125,7 @@ def identify(
         raise ParameterError("from: not with --lockstep, which makes its own recordings")
     check_free(free)
     for each in by_grip.values():
-        identification_graph(each)  # errors are found first
+        identification_graph(each)  # find all errors before the first run
     kept = [
         *(["--lockstep"] if lockstep else []),
         *(["--grips", ",".join(grips)] if grips else []),
@@ -197,18 +197,18 @@ def _weak_enough(
     *,
     fixed: bool,
 ) -> _Measured:
-    """Measure, with less force as long as the default amplitudes are too strong.
+    """Measure, and repeat with less force while the default amplitudes are too strong.
 
     Parameters
     ----------
     by_grip : dict
         Arguments by grip. Amplitudes other than the default ones are not changed.
     measure : callable
-        Return a result for arguments by grip, the number of the run and the advice on an error.
+        Function of arguments by grip, number of the run, and advice on an error; returns a result.
     kept : sequence of str
-        Options of the command that an advice repeats.
+        Options of the command that the advice repeats.
     fixed : bool
-        Whether recordings exist already.
+        True if recordings exist already.
 
     Returns
     -------
@@ -218,7 +218,7 @@ def _weak_enough(
     Raises
     ------
     StoppedError
-        A recording cannot be used; the message gives the reason and the advice.
+        A recording is unusable; the message has the reason and the advice.
     """
     first = _amplitudes(next(iter(by_grip.values())))
     fixed = fixed or first != _amplitudes(IdentifyArguments)
@@ -243,7 +243,7 @@ def _amplitudes(arguments: IdentifyArguments | type[IdentifyArguments]) -> dict[
 
 
 def _advised(arguments: IdentifyArguments, kept: Sequence[str], error: RecordingError) -> str:
-    """Return the reason of an error with the command that records again, if one is known."""
+    """Return the reason of an error and, if known, the command that records again."""
     values = {name: getattr(arguments, name) for name in error.factors}
     changes = {name: type(value)(value * error.factors[name]) for name, value in values.items()}
     try:
@@ -265,7 +265,7 @@ def _shown(recordings: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Path]]
 
 
 def _next(arguments: IdentifyArguments, update: Path | None, parameters: Path) -> list[str]:
-    """Return verb and words that run the identified handle, with settings that no file has."""
+    """Return the command that runs the identified handle, with settings that no file has."""
     names = ("rig",) if update else ("rig", "master", "actuator", "accelerometers", "rate")
     told = {name: getattr(arguments, name) for name in names}
     known = schema(IdentifyArguments)

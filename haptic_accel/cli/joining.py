@@ -3,7 +3,7 @@
 
 """Join a running graph from a separate process.
 
-It imports ROS slowly: import it only where needed.
+Import this module only where needed, because it imports ROS, which is slow.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def connected(
     StoppedError
         A node does not answer, or refuses.
     ParameterError
-        The environment does not fit the middleware.
+        The environment does not suit the middleware.
     """
     check_middleware(os.environ)
     os.environ.update(middleware_defaults(os.environ))
@@ -54,7 +54,7 @@ def connected(
 
     async def spin(seconds: float) -> None:
         rclpy.spin_once(node, timeout_sec=seconds)
-        await asyncio.sleep(0)  # allows cancellation here
+        await asyncio.sleep(0)  # allow cancellation at this point
 
     try:
         yield ServiceClient(node, spin, finding, answering)

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Groups of verbs, whose code is imported on demand."""
+"""Groups of subcommands, whose code is imported on demand."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from haptic_accel.core.parameters import suggestion, warn_once
 from haptic_accel.core.process import WRONG_ARGUMENTS
 
 COMMANDS_GROUP = "haptic_accel.commands"
-"""Group of entry points: verbs of kits, of this package and of others."""
+"""Group of entry points for the subcommands of kits, in this package and others."""
 
 
 @dataclass(frozen=True)
 class KitVerb:
-    """Verb of a kit, as an entry point names it.
+    """Subcommand of a kit, named by an entry point.
 
     Parameters
     ----------
     heading : str
-        Heading of the help text that it stands below.
+        Heading of its section in the help text.
     summary : str
         Line of the help text.
     module : str
-        Module with the verb's command; imported when the verb is used.
+        Module with the command's function, imported when the command is used.
     group : LazyGroup, optional
-        Group of further verbs; then the module is not needed.
+        Group of further subcommands; the module is then not needed.
     """
 
     heading: str
@@ -47,25 +47,25 @@ class KitVerb:
 
 
 class LazyGroup(click.Group):
-    """Verbs under headings, imported one by one.
+    """Group of subcommands under headings, each imported when used.
 
-    An emergency stop must not wait for the import of plotting libraries, nor for a search for
+    An emergency stop must wait neither for the import of plotting libraries nor for a search for
     other packages.
 
     Parameters
     ----------
     name : str
     sections : mapping
-        Summaries of the verbs, by heading and name.
+        Summaries of the subcommands, by heading and name.
     module : str
-        Module or package of the verbs. A package has a verb in the module of its group's name or,
-        if that has none of this name, in the module of its own name.
+        Module or package of the subcommands. In a package, a subcommand is in the module named
+        after the group or, if missing there, in the module of the subcommand's own name.
     groups : sequence of click.Group
-        Verbs that are groups of further verbs.
+        Subcommands that are groups themselves.
     entry_points : str
-        Group of entry points with further verbs (`KitVerb`); empty for none.
+        Group of entry points with further subcommands (`KitVerb`); empty for none.
     moved : mapping
-        Command that replaces a former verb, by the verb's name.
+        Command that replaces a former subcommand, by the former name.
     examples : sequence of str
         Command lines for the help text.
     """
@@ -93,12 +93,12 @@ class LazyGroup(click.Group):
 
     @cached_property
     def kits(self) -> Mapping[str, KitVerb]:
-        """Verbs of kits by name; none has a name of this group's own."""
+        """Subcommands of kits by name; names of this group's own subcommands are excluded."""
         return _kit_verbs(self._entry_points, self._names) if self._entry_points else {}
 
     @cached_property
     def sections(self) -> Mapping[str, Mapping[str, str]]:
-        """Summaries of all verbs, by heading and name."""
+        """Summaries of all subcommands, by heading and name."""
         found = {heading: dict(verbs) for heading, verbs in self._own.items()}
         for name, kit in self.kits.items():
             found.setdefault(kit.heading, {})[name] = kit.summary
@@ -106,28 +106,28 @@ class LazyGroup(click.Group):
 
     @property
     def verbs(self) -> list[str]:
-        """Names of all verbs, in the order of their headings."""
+        """Names of all subcommands, in the order of their headings."""
         return [verb for verbs in self.sections.values() for verb in verbs]
 
     @cached_property
     def groups(self) -> Mapping[str, click.Group]:
-        """Verbs that are groups of further verbs, by name."""
+        """Subcommands that are groups themselves, by name."""
         of_kits = {name: kit.group for name, kit in self.kits.items() if kit.group}
         return of_kits | self._own_groups
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Print the help where the verb is missing; a wrong command line, as for click 8.2."""
+        """Print the help if the subcommand is missing, as an error (as click 8.2 does)."""
         if not args and not ctx.resilient_parsing:
             click.echo(ctx.get_help(), err=True)
             ctx.exit(WRONG_ARGUMENTS)
         return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the verbs in the order of their headings."""
+        """Return the subcommands in the order of their headings."""
         return self.verbs
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import a verb."""
+        """Import a subcommand."""
         if cmd_name in self._names:
             return self._own_groups.get(cmd_name) or self._imported(self._module, cmd_name)
         if kit := self.kits.get(cmd_name):
@@ -135,7 +135,7 @@ class LazyGroup(click.Group):
         return None
 
     def _imported(self, module: str, verb: str) -> click.Command:
-        """Return the command of a verb from a module, or from a package of modules."""
+        """Return a subcommand from a module, or from a package of modules."""
         try:
             with guard(module):
                 modules = [import_module(module)]
@@ -152,7 +152,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the verb of a command line, or name the nearest one."""
+        """Find the subcommand of a command line, or name the nearest one."""
         word = args[0]
         is_known = word in self._names or word in self.kits
         if is_known or word.startswith("-") or ctx.resilient_parsing:
@@ -163,7 +163,7 @@ class LazyGroup(click.Group):
         ctx.fail(f"{word}: no such verb{near}; there are {', '.join(self.verbs)}")
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the verbs' summaries, without importing any."""
+        """Write the summaries of the subcommands without importing any."""
         for heading, verbs in self.sections.items():
             with formatter.section(heading):
                 formatter.write_dl(list(verbs.items()))
@@ -174,10 +174,10 @@ class LazyGroup(click.Group):
 
 
 def _kit_verbs(group: str, own: Collection[str]) -> dict[str, KitVerb]:
-    """Return the verbs of a group of entry points, sorted by name.
+    """Return the subcommands of a group of entry points, sorted by name.
 
-    An entry that is no verb, or whose package cannot be imported, is left out with a warning: it
-    must not take the other verbs away.
+    An entry that is no subcommand, or whose package cannot be imported, is omitted with a warning,
+    so that the other subcommands remain usable.
     """
     found: dict[str, KitVerb] = {}
     for name, entry in declared(group, own).items():
@@ -189,7 +189,7 @@ def _kit_verbs(group: str, own: Collection[str]) -> dict[str, KitVerb]:
 
 
 def _verb_problem(verb: Any) -> str:
-    """Return the reason to refuse a loaded object as a verb; empty if there is none."""
+    """Return the reason to refuse a loaded object as a subcommand; empty if there is none."""
     if not isinstance(verb, KitVerb):
         return "must be a KitVerb"
     texts = (verb.heading, verb.summary, verb.module)

@@ -1,9 +1,9 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Entry point of ``haptic-accel``: an emergency stop first, then the verbs and their errors.
+"""Entry point of ``haptic-accel``: emergency stop first, then subcommands and their errors.
 
-Imports next to nothing at first, so that on a busy machine a stop waits for Python alone.
+The module imports almost nothing at first, so that on a busy machine a stop waits for Python only.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import sys
 
 from haptic_accel.core import process
 
-TYPE_CHECKING = False  # typing is not needed to stop
+TYPE_CHECKING = False  # a stop needs no typing
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from typing import NoReturn
@@ -30,7 +30,7 @@ def main(words: Sequence[str] | None = None) -> None:
     Parameters
     ----------
     words : sequence of str, optional
-        Verb and its words; default: of this process.
+        Subcommand and its arguments; default: those of this process.
     """
     given = sys.argv[1:] if words is None else list(words)
     sys.unraisablehook = process.report_unraisable
@@ -40,10 +40,10 @@ def main(words: Sequence[str] | None = None) -> None:
         if given[:1] == ["estop"]:
             from haptic_accel.graph.stop_signal import hurry, stop_at_once
 
-            if words is None:  # this process is for the stop alone
+            if words is None:  # this process does nothing but the stop
                 hurry()
             signalled = stop_at_once(given[1:])
-        # Parallel runs take a core each. With little memory, BLAS would wait for ever for threads
+        # Parallel runs take a core each. With little memory, BLAS would wait forever for threads
         # that it cannot start.
         for variable in process.BLAS_THREADS:
             os.environ.setdefault(variable, "1")
@@ -55,12 +55,12 @@ def main(words: Sequence[str] | None = None) -> None:
 
 
 def run(command: click.Command, name: str, words: Sequence[str] | None = None) -> None:
-    """Run a command and exit; errors are answered in one line.
+    """Run a command and exit; report an error in one line.
 
     Parameters
     ----------
     command : Command
-        Returns its exit status, or nothing once it is done.
+        Command that returns its exit status, or None for success.
     name : str
         Name of the program.
     words : sequence of str, optional
@@ -83,10 +83,10 @@ def _status(
 
 
 def _exit(act: Callable[[], int | None], name: str) -> NoReturn:
-    """Exit with the status of a function, or of its error after printing one line.
+    """Exit with the status of a function or, after one line, with that of its error.
 
-    An error not caused by the user's words or the machine's state is a fault of this program, and
-    raised.
+    An error that neither arguments nor the machine's state have caused is a fault of this program,
+    and is raised.
     """
     try:
         status = act() or process.DONE
@@ -133,7 +133,7 @@ def _answer(error: Exception) -> tuple[str, int] | None:
 
 
 def _of_system(error: OSError) -> str:
-    """Return an error of the operating system in words; '' where the output's reader has gone."""
+    """Return an operating system error as text; empty if the output's reader has gone."""
     reason = error.strerror or str(error)
     if error.filename is not None:
         return f"{error.filename}: {reason}"
@@ -145,12 +145,12 @@ def _of_system(error: OSError) -> str:
 def _tell(line: str) -> None:
     try:
         print(line, file=sys.stderr, flush=True)
-    except OSError:  # no output is left
+    except OSError:  # standard error is closed, too
         return
 
 
 def _leave_output() -> None:
-    """Drop output that the standard streams cannot write: Python would try again."""
+    """Drop output that the standard streams cannot write: Python would retry at exit."""
     for stream in (sys.stdout, sys.stderr):
         try:
             if stream:

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Declarations that the verbs share: ``key:=value`` words, options, and their help."""
+"""Declarations shared by commands: ``key:=value`` arguments, options, and their help."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Describe: TypeAlias = Callable[[], Sequence[tuple[str, str, str]]]
 
 
 class Words(click.Argument):
-    """The ``key:=value`` words of a verb.
+    """The ``key:=value`` arguments of a command.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class Words(click.Argument):
                     formatter.write_dl(lines)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        """Complete keys, values of keys with choices, and otherwise files."""
+        """Complete keys, values of keys with choices, and file names for other values."""
         key, separator, _ = incomplete.partition(":=")
         if not separator:
             keys = [f"{name}:=" for name, _, _ in self.describe()]
@@ -75,7 +75,7 @@ class Words(click.Argument):
 
 
 class WordOption(click.Option):
-    """Option hidden in the help, with the meaning of the word ``name:=VALUE``."""
+    """Option that is equivalent to ``name:=VALUE``, and hidden in the help."""
 
 
 class GroupedOption(click.Option):
@@ -92,7 +92,7 @@ class GroupedOption(click.Option):
 
 
 class Verb(click.Command):
-    """A verb whose help lists its words with defaults and units, and examples.
+    """Command whose help lists its arguments with defaults and units, and examples.
 
     Parameters
     ----------
@@ -105,18 +105,18 @@ class Verb(click.Command):
         self.examples = examples
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the verb, with the options that mean a word among its words.
+        """Run the command, with options converted to their equivalent arguments.
 
-        A parameter named ``arguments`` receives the words as the dataclass that declares them.
-        An unwritable file for results, or one that cannot be updated, is refused before the run; a
-        file in a folder that the verb will make is writable. A verb that needs ROS 2 is refused
-        in one line where there is none.
+        A parameter named ``arguments`` receives the dataclass that declares the arguments. A file
+        for results that cannot be written or updated is refused before the run; a file in a folder
+        that the command will make counts as writable. A command that needs ROS 2 is refused in one
+        line if ROS 2 is missing.
         """
         file, folder = ctx.params.get("json_file"), ctx.params.get("out")
         if file and folder not in file.parents:
             check_writable(file)
         if update := ctx.params.get("update"):
-            from haptic_accel.setup.rig_file import check_updatable  # imports what computes
+            from haptic_accel.setup.rig_file import check_updatable  # slow import
 
             check_writable(update, "update")
             check_updatable(update)
@@ -148,7 +148,7 @@ class Verb(click.Command):
                 formatter.write_dl(records)
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the words and the examples."""
+        """Write the arguments and the examples."""
         also = [str(each.name) for each in self.params if isinstance(each, WordOption)]
         for parameter in self.params:
             if isinstance(parameter, Words):
@@ -157,17 +157,17 @@ class Verb(click.Command):
 
 
 def verb(*examples: str, name: str | None = None) -> Callable[[Callable[..., Any]], Verb]:
-    """Declare a verb, with examples for its help and, optionally, a name."""
+    """Declare a command, with examples for its help and, optionally, a name."""
     return click.command(name, cls=Verb, examples=examples)
 
 
 def listed_words(text: str) -> list[str]:
-    """Read words separated by commas."""
+    """Parse words separated by commas."""
     return text.split(",") if text else []
 
 
 def one_of(known: Iterable[str]) -> Callable[[str], str]:
-    """Return a parser of a known word; its error names the nearest word."""
+    """Return a parser for one of the known words; its error names the nearest one."""
     words = list(known)
 
     def read(text: str) -> str:
@@ -180,13 +180,13 @@ def one_of(known: Iterable[str]) -> Callable[[str], str]:
 
 
 def some_of(known: Iterable[str]) -> Callable[[str], list[str]]:
-    """Return a parser of known words separated by commas; its error names the nearest word."""
+    """Return a parser for known words separated by commas; its error names the nearest one."""
     read = one_of(known)
     return lambda text: [read(word) for word in listed_words(text)]
 
 
 def listed_numbers(text: str) -> list[float]:
-    """Read numbers separated by commas."""
+    """Parse numbers separated by commas."""
     try:
         return [read_decimal(word) for word in text.split(",")]
     except ValueError:
@@ -194,11 +194,11 @@ def listed_numbers(text: str) -> list[float]:
 
 
 FILE = click.Path(path_type=Path)
-"""A path that need not exist."""
+"""Type of a path that need not exist."""
 
 
 def update_option(content: str) -> Callable[[F], F]:
-    """Add the option for an existing parameter file; a name mistyped would make another one."""
+    """Add the option for a parameter file, which must exist: a typo would create a new file."""
     return click.option(
         "--update",
         type=click.Path(exists=True, dir_okay=False, path_type=Path),
@@ -236,7 +236,8 @@ def workers_options(verb: F) -> F:
 
     @wraps(verb)
     def with_workers(*given: Any, jobs: int, executor: str, **settings: Any) -> Any:
-        # Its libraries take longer to import than a verb without conditions does.
+        # Imported here, as its libraries are slow to load and only commands with conditions need
+        # them.
         from haptic_accel.cli.workers import Workers
 
         return verb(*given, workers=Workers(jobs, executor), **settings)
@@ -276,17 +277,17 @@ def controllers_option(known: Iterable[str], default: Iterable[str] = ()) -> Cal
 def words(
     *kinds: type[Checked], describe: Describe | None = None, metavar: str = "[key:=value ...]"
 ) -> Callable[[F], F]:
-    """Add an argument of ``key:=value`` words, in any order among the options."""
+    """Add ``key:=value`` arguments, in any order among the options."""
     return click.argument("words", cls=Words, kinds=kinds, describe=describe, metavar=metavar)
 
 
 def arguments(kind: type[Checked]) -> Callable[[F], F]:
-    """Add an argument of ``key:=value`` words, which the verb receives as a dataclass."""
+    """Add ``key:=value`` arguments, which the command receives as a dataclass."""
     return click.argument("arguments", cls=Words, kinds=[kind], metavar="[key:=value ...]")
 
 
 def word_options(names: Iterable[str]) -> Callable[[F], F]:
-    """Add options that mean the same as some of the words."""
+    """Add options that are equivalent to some of the arguments."""
 
     def declare(verb: F) -> F:
         for name in reversed([*names]):

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files that verbs write, and lines for a terminal."""
+"""Files that commands write, and lines for a terminal."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from haptic_accel.core.process import FAILED
 
 
 class StoppedError(Exception):
-    """Error that ends a verb early.
+    """Error that ends a command early.
 
     Parameters
     ----------
@@ -39,28 +39,29 @@ class StoppedError(Exception):
 
 
 LINE_ENDS = "\n\t"
-"""Controls that lines for a terminal have."""
+"""Control characters that are allowed in output to a terminal."""
 
 UNABLE = ("strict", "surrogateescape")
-"""Error handlers of streams that refuse characters which the encoding lacks: Python's default, and
-that of the locale C."""
+"""Error handlers of streams that raise an error for characters missing in the encoding: Python's
+default, and that of the locale C."""
 
 GONE = (errno.EPIPE, errno.EIO)
-"""Errors of output whose reader has gone, or whose terminal was closed: an end like any other."""
+"""Errors of output whose reader has gone or whose terminal was closed, which count as a normal
+end."""
 
 
 @contextmanager
 def printable_output() -> Iterator[None]:
-    """Keep a verb running despite unprintable text, or an output without a reader.
+    """Keep a command running despite unprintable text or output without a reader.
 
-    Control characters are escaped, as names in files may hold some, and characters that the
-    terminal's encoding lacks. Output that cannot be written is dropped. The streams stay the same
-    objects. Coloured output of `rich`, escaped by `print_table`, is not changed.
+    Control characters, which names in files may contain, and characters missing in the terminal's
+    encoding are escaped. Output that cannot be written is dropped. The stream objects stay the
+    same. Coloured output of `rich`, escaped by `print_table`, is not changed.
 
     Raises
     ------
     OSError
-        At the end, if output was dropped for another reason than that its reader has gone.
+        Raised at the end if output was dropped, except for a missing reader.
     """
     lost: list[OSError] = []
     with ExitStack() as stack:
@@ -71,7 +72,7 @@ def printable_output() -> Iterator[None]:
                 stream.reconfigure(errors="backslashreplace")
             if not hasattr(stream, "rich_proxied_file"):
                 write = _dropping(stream, stream.write, lost)
-                # By this name rich looks for the stream behind another.
+                # rich finds the original stream by this attribute.
                 setattr(stream, "rich_proxied_file", _Unescaped(stream, write))  # noqa: B010
                 setattr(stream, "write", lambda t, to=write: to(printable(t, LINE_ENDS)))  # noqa: B010
                 setattr(stream, "flush", _dropping(stream, stream.flush, lost))  # noqa: B010
@@ -85,12 +86,12 @@ def printable_output() -> Iterator[None]:
 
 
 def _dropping(stream: Any, act: Callable[..., Any], lost: list[OSError]) -> Callable[..., Any]:
-    """Return a stream's write or flush that notes an error, and then drops output."""
+    """Return a stream's write or flush that records an error, and then drops output."""
 
     def call(*text: str) -> Any:
         try:
             return act(*text)
-        except BlockingIOError:  # as of a terminal of another program, whose flag may change
+        except BlockingIOError:  # another program has set the flag of a shared terminal
             raise
         except OSError as error:
             lost.append(error)
@@ -101,14 +102,14 @@ def _dropping(stream: Any, act: Callable[..., Any], lost: list[OSError]) -> Call
 
 
 def drop_output(stream: Any) -> None:
-    """Redirect a standard stream to the null device: Python would repeat a failed write."""
+    """Redirect a standard stream to the null device, as Python would repeat a failed write."""
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, stream.fileno())
     os.close(null)
 
 
 class _Unescaped:
-    """A stream with the `write` that it had before."""
+    """Stream with its original `write`."""
 
     def __init__(self, stream: Any, write: Callable[[str], int]) -> None:
         self._stream = stream
@@ -119,7 +120,7 @@ class _Unescaped:
 
 
 def next_command(*words: str, host: str = "") -> str:
-    """Return the line with the command that naturally follows, on this host or another one.
+    """Return a line with the usual next command, on this host or another one.
 
     Examples
     --------
@@ -131,7 +132,7 @@ def next_command(*words: str, host: str = "") -> str:
 
 
 def quoted(word: str) -> str:
-    r"""Return a word for a shell, also where it cannot be shown as it is.
+    r"""Return a word quoted for a shell, with escapes for characters that cannot be shown.
 
     Examples
     --------
@@ -140,20 +141,20 @@ def quoted(word: str) -> str:
     """
     if word.isprintable():
         return shlex.quote(word)
-    # Bash's form; other bytes than of ASCII, which the locale may not know, by number.
+    # Use Bash's $'' quoting; write non-ASCII bytes, which the locale may lack, by number.
     escaped = repr(os.fsencode(word) + b'"').removesuffix("\"'")[2:]
     return f"$'{escaped}'"
 
 
 def save(metrics: Any, json_file: Path | None) -> None:
-    """Write metrics as JSON, if a file was given; undefined numbers are null."""
+    """Write metrics as JSON if a file is specified; undefined numbers are null."""
     if json_file:
         text = json.dumps(defined(metrics), indent=2, allow_nan=False)
         json_file.write_text(f"{text}\n", encoding="utf-8")
 
 
 def results_folder(out: Path | None, prefix: str = "", unfinished: str = "") -> Path:
-    """Make and return the folder of a report: the one given, or ``results/<date and time>``.
+    """Make and return the folder of a report: `out`, or ``results/<date and time>``.
 
     Parameters
     ----------
@@ -161,12 +162,12 @@ def results_folder(out: Path | None, prefix: str = "", unfinished: str = "") -> 
     prefix : str
         Text before date and time.
     unfinished : str
-        Name of the file of an unfinished run, whose folder may exist; empty for none.
+        File that marks an unfinished run, whose folder may exist; empty for none.
 
     Raises
     ------
     ParameterError
-        It exists already or cannot be made.
+        The folder exists already or cannot be made.
     """
     if out and unfinished and (out / unfinished).is_file():
         return out
@@ -175,11 +176,11 @@ def results_folder(out: Path | None, prefix: str = "", unfinished: str = "") -> 
 
 @contextmanager
 def removed_if_empty(folder: Path) -> Iterator[None]:
-    """Remove a new folder after an error before anything was written into it."""
+    """Remove a new folder if an error occurs before anything was written to it."""
     try:
         yield
     except BaseException:
-        with suppress(OSError):  # it holds something
+        with suppress(OSError):  # the folder is not empty
             folder.rmdir()
         raise
 
@@ -190,7 +191,7 @@ def make_folder(folder: Path) -> Path:
     Raises
     ------
     ParameterError
-        It exists already or cannot be made.
+        The folder exists already or cannot be made.
     """
     with located(f"out = '{folder}'", unreadable=""):
         try:
@@ -201,12 +202,12 @@ def make_folder(folder: Path) -> Path:
 
 
 def check_writable(file: Path, name: str = "json") -> None:
-    """Refuse a file that cannot be written, before anything runs for it.
+    """Refuse a file that cannot be written, before a run.
 
     Raises
     ------
     ParameterError
-        The file cannot be opened; with the reason.
+        The file cannot be opened; the message has the reason.
     """
     new = not os.path.exists(file)
     with located(f"{name} = '{file}'", unreadable=""):

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``haptic-accel record``: start, pause, split and stop the recording of a graph that runs."""
+"""``haptic-accel record``: start, pause, split and stop the recording of a running graph."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from haptic_accel.cli.output import next_command
 from haptic_accel.setup.words import NamespaceArguments
 
 ANSWER_TIMEOUT = 30.0
-"""Maximum time for an answer, s: a file that is finished is brought to the disk first."""
+"""Time-out for an answer, s; the recorder flushes a finished file to disk first."""
 
 WHOLE = re.compile(r"(.+): \d+ messages, \d+ dropped")
-"""The recorder's answer for a bag that is whole: a service of ROS has no other field for it."""
+"""Pattern of the recorder's answer for a complete bag; the ROS service has no field for that."""
 
 ACTIONS = {
     "start": "continue after a pause, or begin another bag after a stop",
@@ -39,7 +39,7 @@ ACTIONS = {
 @arguments(NamespaceArguments)
 def record(action: str, arguments: NamespaceArguments) -> None:
     """Control the recording of a running graph."""
-    # ROS takes a while to import: wrong words are refused without it.
+    # ROS is slow to import; wrong arguments are refused without it.
     from haptic_accel.cli.joining import connected
     from haptic_accel.nodes.graph_requests import trigger
 

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``haptic-accel replay``: a bag once more through the graph, or through a controller alone."""
+"""``haptic-accel replay``: playback of a bag through the graph, or a controller alone."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def _play(
     json_file: Path | None,
     out: Path | None,
 ) -> None:
-    """Play each bag through each controller, or its own; print and write the metrics."""
+    """Play each bag through each controller, default: the bag's; print and write the metrics."""
     if out:
         names = Counter(_name(asked, each) for asked in plan for each in controllers or [""])
         name, count = names.most_common(1)[0]
@@ -135,9 +135,9 @@ def _play(
 
 
 def _planned(each: Sequence[Sequence[str]]) -> list[Replay]:
-    """Return the replays that words request; all errors are found before any run.
+    """Return the replays that arguments request; find all errors before any run.
 
-    Among several bags, those in which nothing was recorded are named and left out.
+    Of several bags, those without samples are named and skipped.
     """
     plan: list[Replay] = []
     empty: list[NothingRecordedError] = []

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trials on a terminal: a line per analysed trial, then tables and sentences."""
+"""Output of trials on a terminal: a line per analysed trial, then tables and sentences."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from haptic_accel.core.tables import number
 
 def print_trials(done: int, total: int, name: str, trials: Sequence[AnalysedTrial]) -> None:
     """Print the errors of a bag's trials."""
-    if not trials and total > 1:  # a single bag's reason says it
+    if not trials and total > 1:  # for a single bag, the error has the reason
         print(f"{done} of {total}: {name}: no trial", flush=True)
     for trial in trials:
         condition = printable(f"{trial.name}: {trial.controller} on {trial.surface}")
@@ -56,7 +56,7 @@ def _divergence(bag: Path) -> Divergence | str:
 
 
 def print_analysis(analysis: Analysis, comparison: Comparison | None, *last: str) -> None:
-    """Print tables, sentences, undetermined quantities, and further lines."""
+    """Print tables, sentences, undetermined quantities, and additional lines."""
     for table in tables(analysis):
         print_table(table)
     console = Console()

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs of graphs by a verb: signals, keys, progress, and the end of a graph."""
+"""Runs of graphs by a command: signals, keys, progress, and the end of a graph."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from haptic_accel.setup.processes import Process, arrangement
 from haptic_accel.setup.setup import LINK, SCOPE
 
 HOST = "127.0.0.1"
-"""Address of the page: this machine alone."""
+"""Address of the page, reachable from this machine only."""
 
 
 def show_page(address: str, *, opened: bool = True) -> None:
-    """Print the address of a page, and open it in a browser where there is a screen."""
+    """Print the address of a page, and open it in a browser if there is a screen."""
     print_line(f"{address} (Ctrl-C ends)")
-    # Elsewhere a browser would be one of text, in this terminal.
+    # Without a screen, a text browser would open in this terminal.
     screens = map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY"))
     if opened and (sys.platform in ("darwin", "win32") or any(screens)):
         webbrowser.open(address)
@@ -52,12 +52,12 @@ STOPPED_BY_KEY = (
 
 
 NOTHING = "nothing to analyse, as the graph failed before the arms were coupled"
-"""Words on a bag that ends with a failed start."""
+"""Message on the bag of a failed start."""
 
 
 @contextmanager
 def stop_on_signal(act: Callable[[], None] = lambda: None) -> Iterator[Callable[[], bool]]:
-    """Handle the signals that end a verb; yield a function that is true after a signal.
+    """Handle the signals that end a command; yield a function that is true after a signal.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def stop_on_signal(act: Callable[[], None] = lambda: None) -> Iterator[Callable[
 
 
 def interrupted_by_signals() -> AbstractContextManager[object]:
-    """Let all signals that end a verb interrupt it as Ctrl-C does, so that it cleans up."""
+    """Let all signals that end a command interrupt it as Ctrl-C does, so that it cleans up."""
     return stop_on_signal(partial(signal.default_int_handler, signal.SIGINT, None))
 
 
@@ -94,15 +94,15 @@ def print_line(line: str) -> None:
     Raises
     ------
     OSError
-        There is no reader, or a disk is full. All further output is lost without an error.
+        The output has no reader, or a disk is full. Further output is dropped without an error.
     """
     text = f"{printable(line)}\n"
     try:
         if sys.__stdout__ is None or sys.stdout is not sys.__stdout__:
             print(text, end="", flush=True)
         else:
-            # Not through Python's buffer, whose lock would be held without a reader: Python needs
-            # that lock at exit.
+            # Bypass Python's buffer: without a reader, the write would hold its lock, which Python
+            # needs at exit.
             _write(text.encode(sys.__stdout__.encoding, "backslashreplace"))
     except OSError:
         _lose_output()
@@ -113,7 +113,7 @@ def _write(data: bytes) -> None:
     while data:
         try:
             data = data[os.write(1, data) :]
-        except BlockingIOError:  # another program has set the flag of our common terminal
+        except BlockingIOError:  # another program has set the shared terminal's flag
             select.select([], [1], [])
 
 
@@ -137,12 +137,12 @@ def run_to_end(supervisor: Supervisor, stop: Callable[[], bool], interrupted: st
     stop : callable
         Returns true once the graph has to stop.
     interrupted : str
-        Line for the user when it was stopped.
+        Line for the user if the graph was stopped.
 
     Raises
     ------
     StoppedError
-        The graph was interrupted, or failed, as shown.
+        The graph was interrupted or failed; the reason was shown.
     """
     outcome = supervisor.run(stop)
     if not outcome.first:
@@ -159,7 +159,7 @@ def run_shown(
     ----------
     processes : sequence of Process
     endless : bool
-        True where the graph is not meant to end by itself.
+        True if the graph should not end by itself.
     expected : float
         Time from engaging to the end, s, for a progress bar in a terminal; 0 for none.
 
@@ -168,7 +168,7 @@ def run_shown(
     ParameterError
         Another graph runs in the namespace and ROS domain.
     StoppedError
-        The graph failed, as shown, or its output cannot be written.
+        The graph failed, with the reason shown, or its output cannot be written.
     """
     (namespace,) = {each.namespace for each in processes}
     progress = progress_bar(sys.stdout)
@@ -222,7 +222,7 @@ def _hints(processes: Sequence[Process], keys: bool) -> Iterator[str]:
 
 
 def _conclude(outcome: Outcome) -> None:
-    """Show the last lines of failed processes, and end the verb with the exit status."""
+    """Show the last lines of failed processes, and end the command with the exit status."""
     for name, status in outcome.failed.items():
         print(f"{name} ended with status {status}; its last lines:", file=sys.stderr)
         for line in outcome.last_lines[name] or ["(none)"]:
@@ -237,10 +237,10 @@ def _conclude(outcome: Outcome) -> None:
 def progress_bar(stream: TextIO | None = None) -> Progress:
     """Return a progress bar on stderr, or another stream, with percentage and remaining time.
 
-    It is drawn in a terminal only.
+    The bar is drawn in a terminal only.
     """
     stream = stream or sys.stderr
-    # By this name: without the escapes of `printable_output`, also while rich redirects streams.
+    # This attribute has the stream without the escapes of `printable_output`.
     console = Console(file=getattr(stream, "rich_proxied_file", stream))
     return Progress(
         TextColumn("{task.description}", markup=False),
@@ -255,12 +255,12 @@ def progress_bar(stream: TextIO | None = None) -> Progress:
 
 @contextmanager
 def shown_stages(stages: Sequence[str]) -> Iterator[Callable[[str], None]]:
-    """Show the stages of a run by a progress bar, or by a line each where there is no terminal.
+    """Show the stages of a run in a progress bar, or without a terminal as a line each.
 
     Yields
     ------
     callable
-        Takes the name of a stage as it begins.
+        Function to call with the name of each stage at its start.
     """
     with progress_bar() as progress:
         task = progress.add_task(stages[0], total=len(stages))
@@ -279,16 +279,16 @@ PRIORITY = 42
 """Real-time priority of the thread that waits for a key, above those of the nodes."""
 
 BACKGROUND_PERIOD = 0.5
-"""Interval between looks while the terminal belongs to another program, s."""
+"""Interval between checks while the terminal belongs to another program, s."""
 
 
 @contextmanager
 def on_keys(acts: Mapping[bytes, Callable[[], None]]) -> Iterator[bool]:
     """Call a key's function on a separate thread whenever it is pressed, without Enter.
 
-    Keys pressed before, since this program has the terminal, count. Nothing is read if the
-    standard input is no terminal, or another program's. Ctrl-C and the like remain signals. The
-    terminal is restored when the context is left.
+    Keys pressed earlier count if this program already had the terminal. No keys are read if the
+    standard input is no terminal, or another program's. Ctrl-C and similar keys remain signals.
+    The terminal is restored when the context is left.
 
     Yields
     ------
@@ -307,22 +307,22 @@ def on_keys(acts: Mapping[bytes, Callable[[], None]]) -> Iterator[bool]:
     thread = threading.Thread(target=_follow, args=(terminal, over, acts), daemon=True)
     thread.start()
     try:
-        # Not with the default, TCSAFLUSH, which drops keys pressed during the imports.
+        # The default, TCSAFLUSH, would drop keys pressed during the imports.
         tty.setcbreak(terminal, termios.TCSANOW)
         yield True
     finally:
         os.close(end)
         thread.join()
         os.close(over)
-        with suppress(termios.error):  # a terminal that has hung up
+        with suppress(termios.error):  # the terminal has hung up
             termios.tcsetattr(terminal, termios.TCSADRAIN, settings)
 
 
 def _follow(terminal: int, over: int, acts: Mapping[bytes, Callable[[], None]]) -> None:
-    """Read keys until the other end of a pipe is closed, or the terminal is gone."""
+    """Read keys until the other end of the pipe `over` is closed, or the terminal is gone."""
     hurry(PRIORITY)
     while over not in select.select([terminal, over], [], [])[0]:
-        if not is_ours(terminal):  # reading would suspend us
+        if not is_ours(terminal):  # reading would suspend this process
             select.select([over], [], [], BACKGROUND_PERIOD)
             continue
         try:

@@ -38,9 +38,9 @@ def scope(arguments: ScopeArguments) -> None:
     it.
     """
     parameters = {name: getattr(arguments, name) for name in schema(ScopeNodeParameters)}
-    # The only process here: its end is the end of the verb.
+    # The command runs only this process, and ends with it.
     process = Process(SCOPE, {SCOPE: parameters}, arguments.namespace)
     with stop_on_signal() as stop:
         outcome = Supervisor([process], on_line=lambda _, line: print_line(line)).run(stop)
-    if outcome.first:  # which has printed the reason
+    if outcome.first:  # the process has printed the reason
         raise StoppedError(status=outcome.status if outcome.status >= 0 else FAILED)

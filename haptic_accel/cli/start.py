@@ -1,9 +1,9 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Entry point of the script ``haptic-accel``, which Ctrl-C ends quietly from its first line on.
+"""Entry point of the script ``haptic-accel``, which Ctrl-C ends silently from the start.
 
-It imports nothing but what the handling of the signal needs.
+The module imports only what the signal's handler needs.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from haptic_accel.core.process import INTERRUPTED
 
 def main() -> None:
     """Run the command line of this process and exit."""
-    # A job in the background of a script ignores the signal.
+    # Keep the signal ignored in a script's background job.
     handled = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if handled:
-        # Python's handler would print the traceback of an import. There is nothing to undo.
+        # Python's handler would print a traceback of an import, and there is nothing to undo.
         signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
     from haptic_accel.cli.main import main as run
 
@@ -30,5 +30,5 @@ def main() -> None:
     except KeyboardInterrupt:
         os._exit(INTERRUPTED)
     finally:
-        # Python's exit would print a traceback, too.
+        # Python would also print a traceback for a signal at exit.
         signal.signal(signal.SIGINT, signal.SIG_IGN)

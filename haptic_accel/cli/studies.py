@@ -24,10 +24,10 @@ from haptic_accel.core.bounded_files import located, opened
 from haptic_accel.core.process import INTERRUPTED, PROGRESS, tell_supervisor
 
 Show = Callable[[float], None]
-"""Shows how many conditions are done, where parts of one count."""
+"""Function that shows the number of completed conditions, which may be fractional."""
 
 LARGEST_RESULTS = 1 << 30
-"""Largest file of results that is read, bytes: a condition takes some 500."""
+"""Maximum size of a file of results, bytes; a condition takes about 500."""
 
 
 class Journal:
@@ -40,7 +40,7 @@ class Journal:
     file : Path
         The file need not exist.
     again : str
-        What continues the study after an early end.
+        Command that continues the study after an early end.
     """
 
     def __init__(self, file: Path, again: str = "the same command goes on") -> None:
@@ -49,15 +49,15 @@ class Journal:
         with located(file), suppress(FileNotFoundError), opened(file, LARGEST_RESULTS) as lines:
             for line in lines:
                 digest, _, result = line.partition(b" ")
-                if result.endswith(b"\n"):  # or the study was killed while it was written
+                if result.endswith(b"\n"):  # an incomplete line: killed while writing
                     self._known[digest] = result
 
     def result(self, key: str) -> Any:
-        """Return the result under a key; None if there is none."""
+        """Return the result for a key; None if there is none."""
         return json.loads(self._known.get(key.encode(), b"null"))
 
     def add(self, key: str, result: Any) -> None:
-        """Append a result, which must be JSON and not None, under a key."""
+        """Append the result for a key; a result must be JSON data and not None."""
         with located(self.file, unreadable=""), self.file.open("a", encoding="utf-8") as end:
             end.write(f"{key} {json.dumps(result)}\n")
 
@@ -92,13 +92,13 @@ def run_study(
     line: Callable[[Result], str],
     journal: Journal | None = None,
 ) -> tuple[dict[int, Result], StoppedError | None]:
-    """Run the conditions of a study with a progress bar; print a line on each as it ends.
+    """Run the conditions of a study with a progress bar; print a line on each result.
 
     Parameters
     ----------
     start : callable
-        Starts the runs of items, side by side or live, and returns an iterator over indices and
-        results: `Workers.completed`.
+        Starts the runs of items, in parallel or live, and returns an iterator over indices and
+        results, as `Workers.completed` does.
     items : sequence
         Arguments of the conditions.
     unit : str
@@ -111,12 +111,12 @@ def run_study(
     Returns
     -------
     results : dict
-        Results of the conditions that have one, by index, in the order of the items.
+        Results of the completed conditions, by index, in the order of the items.
     end : StoppedError or None
-        Early end, by a signal or a graph that failed.
+        Reason of an early end by a signal or a failed graph; None without one.
     """
     done: dict[int, Result] = {}
-    # Before the runs: results belong to the files as of the start.
+    # Before the runs, as results belong to the files' content at the start.
     keys = [key_of(item) for item in items] if journal else []
     if journal:
         known = ((index, journal.result(key)) for index, key in enumerate(keys))
@@ -167,7 +167,7 @@ def key_of(condition: Any) -> str:
 
 
 def _parts(value: Any) -> Iterator[bytes]:
-    """Yield a value's content, including arrays, and size and time of named files."""
+    """Yield a value's content as bytes, with arrays, and with size and time of named files."""
     if is_dataclass(value):
         yield type(value).__name__.encode()
         value = {each.name: getattr(value, each.name) for each in fields(value)}

@@ -18,9 +18,9 @@ from haptic_accel.core.tables import ResultTable
 
 
 def print_table(table: ResultTable) -> None:
-    """Print a table; where the terminal is too narrow for its numbers, each row as lines.
+    """Print a table, or each row as lines if the terminal is too narrow for the numbers.
 
-    Plain text has no markup, and its control characters are escaped; text of `rich` is printed
+    Plain text is printed without markup, with control characters escaped; `rich` text is printed
     unchanged.
     """
     console = Console()
@@ -43,11 +43,11 @@ def print_table(table: ResultTable) -> None:
 
 
 FRAME = 3
-"""Width of a column's frame and margins, columns of the terminal; the table has one more."""
+"""Width of a column's frame and margins, characters; the table's frame adds one."""
 
 
 NAME = 4
-"""Least width of a column without numbers, whose words may be broken."""
+"""Minimum width of a column without numbers, in which words may be broken, characters."""
 
 
 def _number_width(column: Sequence[Text]) -> int:

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``haptic-accel teleop``: the graph as supervised processes, where there is no ros2 launch."""
+"""``haptic-accel teleop``: the graph as supervised processes, without ros2 launch."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``haptic-accel touch``: surfaces on a page, felt through the simulated rig, without ROS."""
+"""``haptic-accel touch``: page to touch surfaces through the simulated rig, without ROS."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Independent runs of a verb in parallel: in processes of this machine, or on a cluster."""
+"""Parallel execution of a command's independent runs, on this machine or a cluster."""
 
 from __future__ import annotations
 
@@ -29,34 +29,34 @@ from haptic_accel.core.process import ENDING, report_unraisable
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 Runs = dict[int, "Future[Any]"]
-"""Runs that have not ended, by the index of their item."""
+"""Unfinished runs, by the index of their item."""
 
 Stop = Callable[[], bool]
-"""Returns true once the runs have to end."""
+"""Function that returns true once the runs must end."""
 
 POLL = 0.1
-"""Time between two looks for a signal that ends the verb, s."""
+"""Interval between checks for a signal that ends the command, s."""
 
 ADDRESS = r"(tcp|tls)://[^/\s]+:\d+"
-"""Form of the address of a scheduler."""
+"""Pattern of a scheduler's address."""
 
 CONNECTING = 10.0
-"""Time in which the scheduler of a cluster has to answer, s."""
+"""Time-out for the answer of a cluster's scheduler, s."""
 
 MOST_LOST = 3
-"""Number of processes lost in succession, without a run that ends, at which the runs are given up:
-the default of dask.distributed (``allowed-failures``)."""
+"""Number of processes lost in succession, without a completed run, after which the runs are
+abandoned: the default of dask.distributed (``allowed-failures``)."""
 
 PR_SET_PDEATHSIG = 1
-"""From linux/prctl.h."""
+"""Option of prctl that requests a signal at the parent's end (linux/prctl.h)."""
 
 COMPUTING = ("haptic_accel", "numpy", "scipy")
-"""Packages on which the digits of a result depend."""
+"""Packages whose versions affect the digits of results."""
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Processes that run conditions in parallel. Results do not depend on them.
+    """Processes that run conditions in parallel, without effect on the results.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class Workers:
         Parameters
         ----------
         run : callable
-            Function of a module, whose argument and result can be sent to another process.
+            Module-level function whose argument and result can be pickled.
         items : sequence
             Arguments of the runs.
         stop : Stop
@@ -91,7 +91,7 @@ class Workers:
         ParameterError
             The scheduler does not answer, or a worker has other software.
         StoppedError
-            Processes were lost `MOST_LOST` times without a run that ended.
+            Processes were lost `MOST_LOST` times without a completed run.
         """
         engine = _Cluster(self.address, run) if self.address else _Processes(self.count, run)
         try:
@@ -112,7 +112,7 @@ class _Engine(Protocol):
     """Executor of the runs."""
 
     TOGETHER: bool
-    """True if a lost process takes all runs with it."""
+    """True if the loss of a process ends all runs."""
 
     @property
     def LOST(self) -> tuple[type[BaseException], ...]: ...
@@ -149,7 +149,7 @@ def _completed(
 
 
 def _error(run: Future[Any], kinds: tuple[type[BaseException], ...]) -> BaseException | None:
-    """Return the error of a run that has ended, if it is of these kinds."""
+    """Return the error of a finished run if it is of these kinds, else None."""
     if run.cancelled():
         return CancelledError("cancelled") if CancelledError in kinds else None
     error = run.exception()
@@ -167,7 +167,7 @@ def _in_order(found: Iterable[tuple[int, Result]]) -> Iterator[Result]:
 
 
 class _Processes:
-    """Processes of this machine."""
+    """Executor with processes of this machine."""
 
     TOGETHER = True
     LOST = (BrokenProcessPool,)
@@ -187,8 +187,8 @@ class _Processes:
     def close(self) -> None:
         """End the processes, even busy ones.
 
-        Python's exit must not meet a thread of the pool that is closing its pipes: it would write
-        to a closed one, and print a traceback.
+        At exit, Python must not meet a thread of the pool that is closing its pipes: it would
+        write to a closed pipe, and print a traceback.
         """
         for process in set(multiprocessing.active_children()) - self._others:
             process.kill()
@@ -197,19 +197,19 @@ class _Processes:
 
 
 def _belong_to_verb() -> None:
-    """Leave the signals of the terminal to the verb, and end with it."""
+    """Set up a worker process: ignore the terminal's signals, and end with the command."""
     sys.unraisablehook = report_unraisable
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     if sys.platform == "linux":
-        # A verb that is killed ends no process itself. A thread that waits for its end would take
-        # memory, and could not run while a library computes.
+        # A killed command cannot end its processes. A thread that waits for the command's end
+        # would take memory, and could not run while a library computes.
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 
 
 class _Cluster:
-    """Workers of a dask.distributed scheduler, which restarts the runs of lost workers."""
+    """Executor with workers of a dask.distributed scheduler, which restarts lost workers' runs."""
 
     TOGETHER = False
 
@@ -237,7 +237,7 @@ class _Cluster:
         return {index: pool.submit(self._run, item) for index, item in items.items()}
 
     def close(self) -> None:
-        """Leave the cluster, which drops the runs that have not begun."""
+        """Leave the cluster, which drops the runs that have not started."""
         self._client.close()
 
 
@@ -250,7 +250,7 @@ def software() -> dict[str, str]:
 def _run_alike(
     run: Callable[[Item], Result], expected: dict[str, str], folder: Path, item: Item
 ) -> Result:
-    """Run an item in a folder; refuse other software versions, as digits may differ."""
+    """Run an item in a folder; refuse other software versions, which may change digits."""
     found = software()
     for name, version in expected.items():
         if found[name] != version:
@@ -258,5 +258,5 @@ def _run_alike(
                 f"executor: {name} {found[name]} on {platform.node()}, must be {version} as here"
             )
     with located(f"executor: '{folder}' on {platform.node()}", unreadable=""):
-        os.chdir(folder)  # file names are relative to it
+        os.chdir(folder)  # file names are relative to this folder
     return run(item)

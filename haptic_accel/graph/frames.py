@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Frames of the graph's topics in the world, by the description of the arms (no ROS imported)."""
+"""Frames of the graph's topics in the world, from the arms' URDF (no ROS imported)."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from haptic_accel.core.topics import HANDLE_FRAME, MASTER_FRAME, SLAVE_FRAME, TO
 from haptic_accel.materials.folders import config_folder
 
 MOVED = {HANDLE_FRAME: MASTER_FRAME, TOOL_FRAME: SLAVE_FRAME}
-"""Base of each frame that moves with its arm, with axes parallel to the base's."""
+"""Base frame of each frame that moves with its arm; the axes of both are parallel."""
 
 _NONE = "0 0 0"
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame in its parent.
+    """Pose of a frame in its parent frame.
 
     Attributes
     ----------
@@ -38,12 +38,12 @@ class Frame:
 
 
 def description() -> str:
-    """Return the description of both arms, URDF."""
+    """Return the URDF description of both arms."""
     return (config_folder() / "haptic_accel.urdf").read_text(encoding="utf-8")
 
 
 def frames_at_rest(urdf: str) -> Iterator[Frame]:
-    """Yield the frames of topics: bases as described, other frames at their bases."""
+    """Yield the frames of topics: bases as described, and moving frames at their bases."""
     for joint in ElementTree.fromstring(urdf).iter("joint"):
         names = {part.tag: part.get("link", "") for part in joint}
         if names["child"] in MOVED.values():

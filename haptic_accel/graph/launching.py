@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Launch descriptions: arguments declared, processes as nodes of launch_ros."""
+"""Launch descriptions with declared arguments and with processes as launch_ros nodes."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ from haptic_accel.setup.processes import RESPAWN_DELAY, Process, arrangement
 from haptic_accel.setup.words import MOVED, NamespaceArguments, given_keys, unknown_key
 
 BLOCKED = (signal.SIGINT, EMERGENCY)
-"""Signals that wait until a node handles them. Ctrl-C would interrupt Python while it starts, with
-a traceback, and an emergency stop would end it."""
+"""Signals blocked until a node handles them. Before, Ctrl-C would interrupt the start of Python
+with a traceback, and an emergency stop would end the process."""
 
 PREFIX = "launch-prefix"
-"""Launch configuration with words before each command line, such as those of a debugger."""
+"""Launch configuration with a prefix of each command line, such as a debugger."""
 
 PUSHED = "ros_namespace"
-"""Launch configuration in which launch_ros keeps what `PushRosNamespace` pushed."""
+"""Launch configuration with the namespace that `PushRosNamespace` has pushed."""
 
 
 def launched(
@@ -52,14 +52,14 @@ def launched(
 ) -> LaunchDescription:
     """Declare arguments and start the requested processes.
 
-    The end of any process that is not optional ends all.
+    The end of any process that is not optional ends the graph.
 
     Parameters
     ----------
     arguments : sequence
         Name, default and description of each argument.
     processes : callable
-        Returns the graph's processes for ``key:=value`` words.
+        Returns the graph's processes for ``key:=value`` arguments.
     """
 
     def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
@@ -67,7 +67,7 @@ def launched(
         _check_spelling([name for name, _, _ in arguments], typed)
         defaults = {name: default for name, default, _ in arguments}
         given = {name: LaunchConfiguration(name).perform(context) for name in defaults}
-        NamespaceArguments(given["namespace"])  # refuses it as it was typed
+        NamespaceArguments(given["namespace"])  # check the namespace as it was typed
         given["namespace"] = _pushed(given["namespace"], context)
         given = {
             name: value
@@ -80,7 +80,7 @@ def launched(
         leave = RegisterEventHandler(OnShutdown(on_shutdown=lambda *_: lock.close()))
         if line := arrangement(found):
             get_logger("haptic_accel").info(line)
-        # Removed at exit, as starting and restarted nodes read their parameters.
+        # Removed at exit only, because restarted nodes read their parameters again.
         folder = TemporaryDirectory(prefix="haptic_accel-")
         atexit.register(folder.cleanup)
         prefix = " ".join([context.launch_configurations.get(PREFIX, ""), *blocking_words()])
@@ -95,27 +95,27 @@ def launched(
 
 
 def _check_spelling(names: Sequence[str], typed: Iterable[str]) -> None:
-    """Refuse a misspelt argument, since ``ros2 launch`` silently accepts any word."""
+    """Refuse a misspelt argument, since ``ros2 launch`` accepts any name silently."""
     for key in typed:
         if key not in names and (key in MOVED or suggestion(key, names)):
             raise unknown_key(key, names)
 
 
 def _is_started(context: LaunchContext) -> bool:
-    """Return False for a file that another launch file includes, whose arguments were typed."""
+    """Return whether the user started this launch file directly, not through another one."""
     file = Path(context.locals.current_launch_file_path).name
     return file in {Path(word).name for word in sys.argv}
 
 
 def _pushed(namespace: str, context: LaunchContext) -> str:
-    """Return a namespace below the pushed one unless it has a slash, as in launch_ros."""
+    """Return a namespace, relative to the pushed one unless absolute, as in launch_ros."""
     if namespace.startswith("/"):
         return namespace
     return f"{context.launch_configurations.get(PUSHED, '')}/{namespace}"
 
 
 def blocking_words() -> Sequence[str]:
-    """Return the words before a command line that block `BLOCKED`; none if impossible."""
+    """Return the command-line prefix that blocks `BLOCKED`; empty if impossible."""
     names = ",".join(each.name.removeprefix("SIG") for each in BLOCKED)
     words = "env", f"--block-signal={names}"
     try:
@@ -126,7 +126,7 @@ def blocking_words() -> Sequence[str]:
 
 
 def _node(process: Process, folder: Path, prefix: str) -> Node:
-    """Return the action that starts a process, whose parameters are in a folder."""
+    """Return the action that starts a process with parameters from a folder."""
     return Node(
         package="haptic_accel",
         executable=process.executable,
@@ -134,7 +134,7 @@ def _node(process: Process, folder: Path, prefix: str) -> Node:
         arguments=process.ros_arguments(folder),
         output="screen",
         prefix=prefix,
-        exec_name=process.executable,  # not that of the first word
+        exec_name=process.executable,  # not the name of the prefix's program
         on_exit=None if process.optional else partial(_end, process),
         respawn=process.respawn,
         respawn_delay=RESPAWN_DELAY,
@@ -144,8 +144,8 @@ def _node(process: Process, folder: Path, prefix: str) -> Node:
 
 
 def _frame_publishers(namespace: str) -> list[LaunchDescriptionEntity]:
-    """Return the nodes that publish frames: moving or at rest, by the installed packages."""
-    # Graphs in other namespaces have the same frames.
+    """Return the nodes that publish frames, moving or static, depending on installed packages."""
+    # Graphs in other namespaces have equal frame names, so topics must be separate.
     own = {"namespace": namespace, "remappings": [("/tf", "tf"), ("/tf_static", "tf_static")]}
     if _installed("robot_state_publisher"):
         parameters = {
@@ -179,7 +179,7 @@ def _static_transform(frame: Frame, own: Mapping[str, Any]) -> Node:
 
 
 def _installed(package: str) -> bool:
-    """Return whether a ROS package is there."""
+    """Return whether a ROS package is installed."""
     try:
         get_package_prefix(package)
     except PackageNotFoundError:

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Locks on a ROS domain of this machine: one graph in a namespace, one sender of each signal.
+"""Locks in a ROS domain of this machine: one graph per namespace, one sender per signal.
 
 A lock is a socket with an abstract name. The kernel releases the lock however the process ends,
 and no file remains. Like the graph's messages, the lock is visible to all users of the machine,
@@ -26,7 +26,7 @@ HIGHEST_FREE_DOMAIN = 101
 """Highest ROS domain whose ports Linux does not assign to other programs (ROS 2 documentation)."""
 
 ASKERS = 4096
-"""Number of answers that a lock gives about its owner; it holds after them, too."""
+"""Number of queries about its owner that a lock answers; later ones do not release it."""
 
 
 def lock_signal(domain: int, topic: str) -> socket.socket:
@@ -41,7 +41,7 @@ def lock_signal(domain: int, topic: str) -> socket.socket:
     Raises
     ------
     ParameterError
-        The signal has a sender.
+        The signal already has a sender.
     """
     return _lock(domain, sender(topic))
 
@@ -53,13 +53,13 @@ def sole_graph(namespace: str) -> Iterator[None]:
     Parameters
     ----------
     namespace : str
-        With a slash before; empty for the root.
+        Namespace with a leading slash; empty for the root.
 
     Raises
     ------
     ParameterError
-        A graph, or a single node that sends one of its signals, runs in it already; or the
-        environment lets no nodes start or find each other.
+        The namespace already has a graph, or a single node that sends one of its signals; or the
+        environment prevents nodes from starting or finding each other.
     ModuleNotFoundError
         ROS 2 is not installed.
     """
@@ -91,9 +91,9 @@ def _lock(domain: int, role: str) -> socket.socket:
 
 
 def _described(process: int) -> str:
-    """Return the number of a process, and its command line without folders and ROS' arguments.
+    """Return a process id, and the command line without folders and ROS arguments.
 
-    A program among the words, as in `module_command`, is left out, too.
+    Inline program text, as in `module_command`, is also omitted.
     """
     try:
         line = Path(f"/proc/{process}/cmdline").read_bytes().decode(errors="replace")

@@ -22,18 +22,18 @@ from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
 from haptic_accel.graph.middleware import DISCOVERY_RANGE, LOOPBACK_PROFILE
 
 LITTLE_SHARED_MEMORY = 32.0
-"""Free shared memory below which the middleware may run out of it, MB."""
+"""Free shared memory below which the middleware may run out of memory, MB."""
 
 LITTLE_RECEIVE_BUFFER = 1 << 20
-"""Receive buffer that is too small, bytes: Linux's default of 212992 holds some 30 ms of the
-graph's messages at 1 kHz, and the recorder may wait longer for a core."""
+"""Receive buffer size below which a warning is given, bytes: Linux's default of 212992 holds about
+30 ms of the graph's messages at 1 kHz, and the recorder may wait longer for a core."""
 
 MUCH_TIMER_SLACK = 1000
 """Timer slack that delays ticks, ns; a node sets 1, Linux's default is 50000."""
 
 LEAST_CORES, ENOUGH_CORES = 2, 4
-"""Cores below which a graph cannot keep time, and from which a process for each node need not wait
-for another: on two 1 to 50 % of their forces came after their tick at 1 kHz."""
+"""Number of cores below which a graph cannot keep time, and from which separate processes need not
+wait for each other: on two cores, 1 to 50 % of their forces were late at 1 kHz."""
 
 CAP_SYS_NICE = 23
 """Bit number of the capability, from linux/capability.h."""
@@ -110,12 +110,12 @@ ADVICE = {
         "stop it, or give this graph another ROS_DOMAIN_ID",
     ),
 }
-"""Meaning of a finding that is not ok, and its fix, by the name of the check."""
+"""Meaning and fix of a finding that is not ok, by the name of the check."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Result of one check; without meaning and fix if it is good."""
+    """Result of one check; meaning and fix are empty if it is good."""
 
     name: str
     level: Literal["ok", "warning", "problem"]
@@ -196,7 +196,7 @@ def swap(used: int) -> Finding:
 
 
 def shared_memory(folder: Path) -> Finding:
-    """Judge the free space, and the Fast DDS segments of dead processes: those without a lock.
+    """Judge the free space, and the Fast DDS segments of dead processes (without a lock).
 
     Only segments are checked: their names are never reused, so that trying a lock does no harm.
     """
@@ -218,7 +218,7 @@ def receive_buffer(rmem_max: str) -> Finding:
 
 
 def sourced_ros(environment: Mapping[str, str], prefix: Path) -> Finding:
-    """Report a sourced ROS 2 that is mixed with the ROS 2 in this Python's prefix."""
+    """Report a sourced ROS 2 that is mixed with the one in this Python's prefix."""
     index = Path("share", "ament_index")
     variables = ("PYTHONPATH", "AMENT_PREFIX_PATH")
     entries = ":".join(environment.get(variable, "") for variable in variables).split(":")
@@ -239,7 +239,7 @@ def executor(name: str) -> Finding:
 
 
 def timer_slack(nanoseconds: str) -> Finding:
-    """Judge the time by which the kernel may delay a node's timers, which nodes set themselves."""
+    """Judge the timer slack, by which the kernel may delay a node's timers; nodes set it."""
     much = nanoseconds and int(nanoseconds) > MUCH_TIMER_SLACK
     return _judged("timer slack", f"{nanoseconds} ns" if nanoseconds else "unknown", warning=much)
 
@@ -279,7 +279,7 @@ def domain(number: str) -> Finding:
 
 
 def other_graph(published: Sequence[str]) -> Finding:
-    """Judge which of the graph's signals are published already."""
+    """Judge whether any of the graph's signals are already published."""
     found = f"publishes {', '.join(published)}" if published else "none in this domain"
     return _judged("other graph", found, problem=published)
 
@@ -304,7 +304,7 @@ def _judged(name: str, found: str, *, warning: object = False, problem: object =
 def _text(path: Path) -> str:
     """Return a file's text; empty if it cannot be read."""
     try:
-        # A process' name in /proc need not be UTF-8.
+        # The name of a process in /proc need not be UTF-8.
         return path.read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
         return ""
@@ -315,5 +315,5 @@ def _is_locked(path: Path) -> bool:
         with path.open() as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except OSError:
-        return True  # or gone, or another user's
+        return True  # the segment is locked, gone, or another user's
     return False

@@ -1,9 +1,9 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings of the middleware: a graph stays on its machine, without shared memory.
+"""Settings of the middleware that keep a graph on its machine, without shared memory.
 
-ROS 2 may be absent: lockstep runs, analysis and design do without it.
+ROS 2 may be absent: lockstep runs, analysis and design do not need it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def has_ros() -> bool:
 
 
 def check_ros() -> None:
-    """Raise the error of an import of rclpy if it is not installed.
+    """Raise ModuleNotFoundError if rclpy is not installed.
 
     Raises
     ------
@@ -55,10 +55,10 @@ DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 STATIC_PEERS = "ROS_STATIC_PEERS"
 
 PROFILES_FILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-"""Variables that name Fast DDS' profile: in version 2 of Jazzy, and in version 3 of Kilted."""
+"""Variables that name the Fast DDS profile: of version 2 (Jazzy), of version 3 (Kilted)."""
 
 VARIABLES = (DISCOVERY_RANGE, STATIC_PEERS, *PROFILES_FILES)
-"""Variables that choose where nodes are looked for."""
+"""Environment variables that determine where nodes are discovered."""
 
 LOOPBACK_PROFILE = config_folder() / "fastdds.xml"
 """Profile whose sockets are bound to 127.0.0.1."""
@@ -68,7 +68,7 @@ NETWORK_PROFILE = config_folder() / "fastdds_network.xml"
 
 
 LOG_FOLDERS = ("ROS_LOG_DIR", "ROS_HOME", "HOME")
-"""Variables by one of which rclpy finds the folder of its log; without, no node starts."""
+"""Environment variables from which rclpy finds its log folder; without any, no node starts."""
 
 
 MIDDLEWARE = "RMW_IMPLEMENTATION"
@@ -76,12 +76,12 @@ MIDDLEWARE = "RMW_IMPLEMENTATION"
 
 
 def check_middleware(environment: Mapping[str, str]) -> None:
-    """Refuse an environment with which no node starts, or none finds another.
+    """Refuse an environment in which nodes cannot start or find each other.
 
     Raises
     ------
     ParameterError
-        The line names the variable, its value and what is allowed.
+        The message names the variable, its value and what is allowed.
     """
     if environment.get(DISCOVERY_RANGE) == "OFF":
         raise ParameterError(
@@ -101,11 +101,11 @@ def _middlewares(environment: Mapping[str, str]) -> set[str]:
     prefixes = [*environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     folders = [Path(each, "share/ament_index/resource_index/rmw_typesupport") for each in prefixes]
     found = {path.name for folder in folders if folder.is_dir() for path in folder.iterdir()}
-    return found - {"rmw_implementation"}  # which loads one of them
+    return found - {"rmw_implementation"}  # a wrapper that loads one of the others
 
 
 def middleware_defaults(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the variables to add to an environment; those already set are kept.
+    """Return the variables to add to an environment; those already set do not change.
 
     The range LOCALHOST would keep a graph on its machine too, but adds shared memory, which
     blocked a process's publishers when another process joined. LOCALHOST remains the default with
@@ -125,10 +125,10 @@ def middleware_defaults(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 def _log_folder() -> Path:
-    """Return rclpy's log folder, in the home folder that the system has for the user."""
+    """Return rclpy's log folder in the user's home folder, from the system's user database."""
     import pwd  # on POSIX only
 
     try:
         return Path(pwd.getpwuid(os.getuid()).pw_dir) / ".ros" / "log"
-    except KeyError:  # a user unknown to the system
+    except KeyError:  # the system does not know the user
         return Path(tempfile.gettempdir()) / f"ros-{os.getuid()}" / "log"

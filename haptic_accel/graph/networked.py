@@ -30,22 +30,23 @@ from haptic_accel.setup.processes import Process, graph
 HOST = "127.0.0.1"
 
 LAST_PORT = 7300
-"""Port from which those of links begin."""
+"""Upper limit of the search for free ports, where the ports of links begin."""
 
 SILENCE = 3 * EngagementParameters.timeout
-"""Time without datagrams in which arms let go and the playout of vibration begins again, s, with a
-margin for a busy machine."""
+"""Time without datagrams after which arms disengage and the playout of vibration restarts, s, with
+a margin for a busy machine."""
 
 ANSWER_TIME = 10.0
-"""Longest time until the relay states its network, s: a busy machine starts Python in seconds."""
+"""Time-out for the relay to report its network, s; a busy machine takes seconds to start
+Python."""
 
 
 class RelayError(RuntimeError):
-    """The relay between the sides does not run."""
+    """Error: the relay between the two sides does not run."""
 
 
 class RelayProcess:
-    """Relay in a process of its own: another program's threads would add to its delay.
+    """Relay in a separate process, because other threads of a program would add to its delay.
 
     Parameters
     ----------
@@ -56,7 +57,7 @@ class RelayProcess:
     Raises
     ------
     RelayError
-        It does not start.
+        The relay does not start.
     """
 
     def __init__(self, ports: tuple[int, int], network: ChannelParameters) -> None:
@@ -71,7 +72,7 @@ class RelayProcess:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            start_new_session=True,  # Ctrl-C is for the program that stops the graph in order
+            start_new_session=True,  # not ended by Ctrl-C, but in order by its program
         )
         self._lines: queue.Queue[str] = queue.Queue()
         self._network = network
@@ -86,8 +87,8 @@ class RelayProcess:
     def change(self, network: ChannelParameters) -> None:
         """Change the network; the delay increases at the rate `RISE` of the relay.
 
-        The played vibration follows a longer delay at once, but a shorter one within seconds, as
-        it waits for the next late datagram: see `begin_anew`.
+        The played vibration follows a longer delay at once, but a shorter one only within seconds,
+        as it waits for the next late datagram; see `begin_anew`.
 
         Raises
         ------
@@ -95,7 +96,7 @@ class RelayProcess:
             The relay has ended.
         """
         assert self._process.stdin
-        with suppress(BrokenPipeError):  # then no answer comes
+        with suppress(BrokenPipeError):  # the relay has ended; the wait for its answer fails
             self._process.stdin.write(" ".join(words_of(network)) + "\n")
             self._process.stdin.flush()
         self._wait(network)
@@ -103,8 +104,8 @@ class RelayProcess:
     def begin_anew(self, network: ChannelParameters) -> None:
         """Interrupt the relay, then use a changed network; both sides engage again.
 
-        The arms let go, and engage again half a second later, where they were. From then on the
-        vibration has the new delay, also a shorter one.
+        The arms disengage, and engage again half a second later in the same position. The
+        vibration then has the new delay, even if it is shorter.
 
         Raises
         ------
@@ -118,7 +119,7 @@ class RelayProcess:
 
     def close(self) -> None:
         """End the relay."""
-        self._process.kill()  # it holds nothing
+        self._process.kill()  # the relay has no state to save
         self._reader.join()
         self._process.wait()
         for stream in (self._process.stdin, self._process.stdout):
@@ -127,7 +128,7 @@ class RelayProcess:
                 stream.close()
 
     def _wait(self, network: ChannelParameters) -> None:
-        """Wait until the relay states a network."""
+        """Wait until the relay reports a network."""
         expected = CHANGED + " ".join(words_of(network))
         try:
             line = self._lines.get(timeout=ANSWER_TIME)
@@ -150,8 +151,8 @@ class NetworkedGraph(NamedTuple):
     Attributes
     ----------
     processes : list of Process
-        Processes of both sides, for one `Supervisor`. Those of the slave's side have a ROS domain
-        of their own.
+        Processes of both sides, for one `Supervisor`. Those of the slave's side have a separate
+        ROS domain.
     relay : RelayProcess
         Simulated network, whose parameters can be changed at any time.
     slave_domain : int
@@ -170,10 +171,10 @@ def networked_graph(
     *,
     slave_domain: int | None = None,
 ) -> Iterator[NetworkedGraph]:
-    """Run a relay, and yield the processes of both sides for it.
+    """Run a relay, and yield the processes of the two sides that it connects.
 
-    Topics of the slave's side stay in its own ROS domain, as if it were on another host. With a
-    bag, its side records a second one, whose name ends in ``-slave``.
+    Topics of the slave's side stay in its own ROS domain, as if on another host. If a bag is
+    recorded, the slave's side records a second one, whose name ends in ``-slave``.
 
     Parameters
     ----------
@@ -187,7 +188,7 @@ def networked_graph(
     Raises
     ------
     ParameterError
-        An argument cannot be on two hosts, or is not usable.
+        An argument is not possible with two hosts, or unusable.
     RelayError
         The relay does not start.
     """
@@ -216,7 +217,7 @@ def sides(
         First port of either side.
     """
     peers = [f"{HOST}:{port}" for port in ports]
-    # Device and surface of the other side belong to the peer.
+    # Device and surface of the other side are arguments of the peer.
     operator = replace(arguments, slave=SIMULATED, surface=SURFACES[0])
     master = replace(operator, side="master", peer=peers[0])
     bag = arguments.bag and f"{arguments.bag}-slave"
@@ -225,7 +226,7 @@ def sides(
 
 
 def _free_ports() -> tuple[int, int]:
-    """Return two first ports that are free, as is the port behind each."""
+    """Return two free first ports whose next ports are also free."""
     free = [port for port in range(PORTS[0], LAST_PORT, 2) if _is_free(port)]
     if len(free) < len(PORTS):
         raise ParameterError(f"ports {PORTS[0]} to {LAST_PORT - 1}/udp of {HOST}: none are free")
@@ -245,7 +246,7 @@ def _is_free(port: int) -> bool:
 
 
 def _free_domain() -> int:
-    """Return the next ROS domain after that of the environment in which no graph runs."""
+    """Return the next ROS domain after the environment's in which no graph runs."""
     own, used = own_domain(), used_domains()
     domains = ((own + step) % (HIGHEST_FREE_DOMAIN + 1) for step in count(1))
     return next(domain for domain in domains if domain not in used)

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Process of a relay between two hosts, whose network is changed by lines of text."""
+"""Relay process between two hosts; lines of text change its simulated network."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from haptic_accel.links.addresses import UDP, Route, bound, route
 from haptic_accel.setup.words import given_keys, parse_words
 
 RISE = 1.0
-"""Pace at which a longer delay is reached, s/s. At once, it would be a silence of the same length,
-in which arms let go from 0.08 s on; at this pace datagrams come at half their rate."""
+"""Rate at which the delay increases, s/s. A sudden increase would be a silence of the same length,
+at which arms disengage from 0.08 s on; at this rate datagrams arrive at half their rate."""
 
 LONGEST_DATAGRAM = 65535
-"""Maximum length of a datagram, bytes: the relay does not read what it carries."""
+"""Maximum length of a datagram, bytes; the relay does not read the content."""
 
 
 class Relay:
     """Two UDP ports, one toward each host, with a simulated network between them.
 
-    The relay takes the place of the peer for both hosts, and passes on datagrams as they are: it
-    needs no keys. It has no clock: the caller passes times in s, which never decrease.
+    The relay acts as the peer for both hosts, and forwards datagrams unchanged, so it needs no
+    keys. It has no clock: the caller passes times in s, which never decrease.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class Relay:
         return min(channel.next_arrival for channel in self._channels)
 
     def step(self, now: float) -> None:
-        """Take in the datagrams of both hosts, and deliver those that have arrived."""
+        """Receive the datagrams of both hosts, and deliver those whose delay is over."""
         if self._channels[0].parameters is not self._network:
             self._approach(now - self._stepped)
         self._stepped = now
@@ -92,11 +92,11 @@ class Relay:
             for datagram in _received(self.sockets[end]):
                 channel.send(datagram, now)
             for datagram in channel.arrived(now):
-                with suppress(OSError):  # no room, or the host does not receive yet
+                with suppress(OSError):  # no buffer space, or the host does not receive yet
                     self.sockets[1 - end].send(datagram)
 
     def _approach(self, seconds: float) -> None:
-        """Give both directions the network, with a delay that has grown for a time in s."""
+        """Set the network of both directions, with the delay increased for a time in s."""
         network = self._network
         longest = self._channels[0].parameters.delay + RISE * max(0.0, seconds)
         if network.delay > longest:
@@ -120,7 +120,7 @@ def _connected(route: Route) -> socket.socket:
 
 
 def _received(connected: socket.socket) -> list[bytes]:
-    """Return the datagrams that wait in a socket."""
+    """Return the datagrams waiting in a socket."""
     found: list[bytes] = []
     while True:
         try:
@@ -135,13 +135,13 @@ END_CHECK_PERIOD = 0.1
 """Interval between checks for the end, s."""
 
 CHANGED = "network: "
-"""Beginning of the line that states the network, at the start and after each change."""
+"""Prefix of the line that reports the network, at the start and after each change."""
 
 PRIORITY = 41
-"""Real-time priority of the relay: above those of the nodes, for which no network waits."""
+"""Real-time priority of the relay, above the nodes', as a real network does not wait for them."""
 
 PORTS = 7200, 7210
-"""First ports of master and slave with a relay on their machine: below those of the link."""
+"""First ports of master and slave with a relay on their machine, below the link's ports."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class RelayArguments(Checked):
 
 
 def words_of(network: ChannelParameters) -> list[str]:
-    """Return the words that state a network.
+    """Return a network as ``key:=value`` arguments.
 
     Examples
     --------
@@ -179,12 +179,12 @@ def words_of(network: ChannelParameters) -> list[str]:
 
 
 def changed(network: ChannelParameters, words: Iterable[str]) -> ChannelParameters:
-    """Return a network with the values of ``key:=value`` words; others remain.
+    """Return a network with the values of ``key:=value`` arguments; other values remain.
 
     Raises
     ------
     ParameterError
-        A word is wrong.
+        An argument is invalid.
 
     Examples
     --------
@@ -197,7 +197,7 @@ def changed(network: ChannelParameters, words: Iterable[str]) -> ChannelParamete
 
 
 def opened(arguments: RelayArguments) -> Relay:
-    """Return a relay that holds its ports.
+    """Return a relay with open ports.
 
     Raises
     ------
@@ -206,7 +206,7 @@ def opened(arguments: RelayArguments) -> Relay:
     OSError
         A host is unknown.
     """
-    # The relay has the slave's place for the master, and the other way round.
+    # For the master, the relay is the slave, and vice versa.
     routes = (route(arguments.master, "slave", UDP, ""), route(arguments.slave, "master", UDP, ""))
     return Relay(routes, arguments.network, arguments.seed)
 
@@ -217,18 +217,18 @@ def serve(
     ended: Callable[[], bool],
     source: int | None = None,
 ) -> None:
-    """Relay datagrams until the end; each line of a file changes the network.
+    """Relay datagrams until `ended`; each line of a file changes the network.
 
     Parameters
     ----------
     relay : Relay
         Closed at the end.
     say : callable
-        Called with a line on the network after each change, and with reasons of refusals.
+        Called with a line on the network after each change, and with the reason of a refusal.
     ended : callable
-        Called every 0.1 s at least; true at the end.
+        Called at least every 0.1 s; returns true to end the relay.
     source : int, optional
-        File descriptor with lines of words.
+        File descriptor with lines of ``key:=value`` arguments.
 
     Raises
     ------
@@ -265,7 +265,7 @@ def _stated(network: ChannelParameters) -> str:
 
 
 def main() -> None:
-    """Relay until a signal; end at once with the process that holds the standard input."""
+    """Relay until a signal, or until the process at the other end of standard input ends."""
     asked: list[int] = []
     for number in ENDING:
         signal.signal(number, lambda number, _: asked.append(number))

@@ -1,9 +1,9 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Emergency stop of this machine without ROS: by signals to its nodes, and for graphs that start.
+"""Emergency stop of this machine without ROS, by signals to nodes, also for later graphs.
 
-It imports little, as each import delays the stop on a busy machine.
+This module imports little, because each import delays the stop on a busy machine.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ import time
 
 from haptic_accel.core.process import EMERGENCY, REALTIME
 
-TYPE_CHECKING = False  # as typing takes a while to import
+TYPE_CHECKING = False  # typing is slow to import
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-# Imported where needed, as most stops need none: hashlib, core.parameters, core.topics.
+# hashlib, core.parameters and core.topics are imported where needed: most stops need none.
 
 DOMAIN = "ROS_DOMAIN_ID"
 """Environment variable with the number of the ROS domain."""
 
 HIGHEST_DOMAIN = 232
-"""Highest number of a ROS domain, above which it has no ports."""
+"""Highest number of a ROS domain; above it, no ports are defined."""
 
 SOCKETS = "/proc/net/unix"
-"""The kernel's list of addresses in use, those with an abstract name behind an @ (proc(5))."""
+"""The kernel's list of socket addresses in use; abstract names follow an @ (proc(5))."""
 
 PRIORITY = 20
-"""Real-time priority of a process that stops a graph: below the nodes', which have to act upon it,
-above all other programs."""
+"""Real-time priority of a process that stops a graph: below the nodes', which must execute the
+stop, and above all other programs."""
 
 PENDING = "/tmp/haptic_accel_stop"
 """Start of the names of pending stops. The folder is the same for all users and services, which
@@ -44,7 +44,7 @@ _CREDENTIALS = 12
 
 
 class Signalled:
-    """Signals that have been sent.
+    """Result of a stop by signals.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Signalled:
     after : float
         Time from this process's start to the last signal, s.
     pending : bool
-        The stop holds also for graphs that start later: see `PendingStop`.
+        True if the stop also applies to graphs that start later; see `PendingStop`.
     """
 
     def __init__(self, processes: int, *, pending: bool) -> None:
@@ -63,11 +63,11 @@ class Signalled:
 
 
 class PendingStop:
-    """Emergency stop that holds for a graph whose nodes cannot be reached yet, until its release.
+    """Emergency stop, until released, of a graph whose nodes cannot be reached yet.
 
-    It is a file, which a device node looks for before it allows forces, and ten times a second:
-    so the stop needs no node, signal or message, and outlasts the command that gave it. Like the
-    locks on signals it is valid in one network namespace, for all users.
+    The stop is a file, which a device node checks before it allows forces, and ten times a second.
+    The stop thus needs no node, signal or message, and outlasts the command that requested it.
+    Like the locks on signals, it applies to one network namespace and to all users.
 
     Parameters
     ----------
@@ -85,16 +85,16 @@ class PendingStop:
         self._known: set[tuple[int, int]] = set()
 
     def leave(self) -> bool:
-        """Leave the stop; return False if there is no room for it.
+        """Create the stop; return False if the disk is full.
 
-        Nothing is opened: who can write to the folder may have put a FIFO there, or a link.
+        No file is opened, because any user can put a FIFO or a link into the folder.
         """
         try:
             if not os.path.lexists(self._file):
                 os.mknod(self._file, 0o644)
             os.utime(self._file, follow_symlinks=False)
         except OSError:
-            return os.path.lexists(self._file)  # another user's stop holds as well
+            return os.path.lexists(self._file)  # another user's stop also counts
         return True
 
     def withdraw(self) -> bool:
@@ -103,7 +103,7 @@ class PendingStop:
         Raises
         ------
         OSError
-            It is another user's.
+            The stop belongs to another user.
         """
         try:
             os.unlink(self._file)
@@ -112,12 +112,12 @@ class PendingStop:
         return True
 
     def is_new(self) -> bool:
-        """Return whether there is a stop that was left after the last call."""
+        """Return whether a stop exists that was created after the last call."""
         before, self._known = self._known, set(map(_identity, self._files)) - {(0, 0)}
         return not self._known <= before
 
     def holds(self) -> bool:
-        """Return whether there is a stop."""
+        """Return whether a stop exists."""
         return any(map(os.path.lexists, self._files))
 
 
@@ -127,13 +127,13 @@ def own_domain() -> int:
     Raises
     ------
     ParameterError
-        It is not a valid domain.
+        The environment's domain is invalid.
     """
     text = os.environ.get(DOMAIN) or "0"
     try:
         if text.isascii() and text.isdigit():
             number = int(text)
-        else:  # which hardly any is: a stop does not wait for the import
+        else:  # rare; a stop usually does not wait for the import
             from haptic_accel.core.parameters import read_whole
 
             number = read_whole(text)
@@ -166,17 +166,17 @@ def age() -> float:
 
 
 def stop_at_once(words: Sequence[str]) -> Signalled | None:
-    """Stop a graph by the words of ``haptic-accel estop``, as `stop_graphs` does.
+    """Stop a graph by the arguments of ``haptic-accel estop``, as `stop_graphs` does.
 
     Parameters
     ----------
     words : sequence of str
-        Nothing, or the namespace.
+        Empty, or the namespace.
 
     Returns
     -------
     Signalled or None
-        None for other words, or an impossible namespace, which need a parser.
+        None for other arguments or an invalid namespace, which need a parser.
 
     Raises
     ------
@@ -193,7 +193,7 @@ def stop_at_once(words: Sequence[str]) -> Signalled | None:
 
 
 def stop_graphs(domain: int, namespace: str) -> Signalled:
-    """Stop a graph's nodes on this machine, those that do not run yet included.
+    """Stop a graph's nodes on this machine, including those that do not run yet.
 
     Parameters as for `stop_senders`.
     """
@@ -201,7 +201,7 @@ def stop_graphs(domain: int, namespace: str) -> Signalled:
         processes = stop_senders(domain, namespace)
     except OSError:  # the kernel's list cannot be read
         processes = 0
-    # Afterwards is in time: a node looks for it before it allows forces, and ever again.
+    # Signals first: a node checks for the pending stop before it allows forces, and regularly.
     return Signalled(processes, pending=PendingStop(domain, namespace).leave())
 
 
@@ -230,7 +230,7 @@ def stop_senders(domain: int, namespace: str) -> int:
             if process not in stopped and _handles_emergency(process):
                 os.kill(process, EMERGENCY)
                 stopped.add(process)
-        except OSError:  # it has just ended, or is another user's
+        except OSError:  # the process has just ended, or is another user's
             continue
     return len(stopped)
 
@@ -253,12 +253,12 @@ def address(domain: int, role: str) -> bytes:
 
 
 def holder(address: bytes) -> int:
-    """Return the process that listens at an address; 0 if that is unknown."""
+    """Return the process that listens at an address; 0 if unknown."""
     with socket.socket(socket.AF_UNIX) as asking:
         asking.setblocking(False)
         try:
             asking.connect(address)
-        except OSError:  # it has just ended, or was asked too often
+        except OSError:  # the process has just ended, or was queried too often
             return 0
         peer = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS)
     return memoryview(peer).cast("i")[0]
@@ -287,8 +287,8 @@ def _place(domain: int, role: str) -> bytes:
 def _addresses() -> list[bytes]:
     """Return this package's abstract addresses in use.
 
-    Any program chooses its names, with blanks and ends of lines in them: the list has words, of
-    which none of these addresses has two, but no lines.
+    Other programs' names may contain blanks and line ends. The list is therefore split at blanks,
+    which no address of this package contains, and not into lines.
     """
     with open(SOCKETS, "rb") as listed:
         words = listed.read().split()

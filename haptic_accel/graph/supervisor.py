@@ -1,10 +1,10 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Starts the graph's processes, watches them, and leaves none behind."""
+"""Supervisor that starts the graph's processes, monitors them, and ends them all."""
 
-# Used in place of the library honcho, whose forked intermediate processes survive when honcho is
-# killed, which reports no last lines, and which raises an exception for a signal at its start.
+# This module replaces the library honcho, whose forked intermediate processes survive if honcho is
+# killed. Honcho also reports no last lines, and raises an exception for a signal at its start.
 
 from __future__ import annotations
 
@@ -36,24 +36,24 @@ from haptic_accel.graph.stop_signal import DOMAIN
 from haptic_accel.setup.processes import RESPAWN_DELAY, Process
 
 LAST_LINES = 20
-"""Lines of a dead process that are shown."""
+"""Number of last lines shown for a dead process."""
 
 WAITING_LINES = 1000
-"""Most lines that wait for a terminal that does not take them; more are dropped."""
+"""Maximum number of lines that wait for a blocked terminal; more are dropped."""
 
 LAST_WORDS = 1.0
-"""Longest time that the end of a graph waits for lines to be taken, s."""
+"""Longest time that the end of a graph waits for lines to be shown, s."""
 
 KILL = 9
 """Number of SIGKILL, which not every system has."""
 
 QUIET_END, LATE_END, LAST_END, KILLING = 3.0, 7.0, 60.0, 5.0
-"""Times that a process has to end, s: before its lateness is said; then before it is killed, and
-the same for one that ends last, as it may write to a slow disk; and after that."""
+"""Time-outs for the end of a process, s: before its lateness is logged; then before it is killed;
+the same for the process that ends last, which may write to a slow disk; and after the kill."""
 
 _STOPPED = {*WELL, *(-number for number in signals("SIGTERM", "SIGALRM"))}
-"""Statuses of a process that has done nothing wrong when it was stopped: after our signal, and
-where its middleware hung after a failure (SIGALRM), too."""
+"""Exit statuses of a stopped process that count as no failure: after SIGTERM, and if its
+middleware hung (SIGALRM)."""
 
 END_CHECK_PERIOD = 0.1
 """Interval between checks for the end of a process and a request to stop, s."""
@@ -68,10 +68,10 @@ class Outcome:
     first : str
         Process that ended first by itself; empty when the graph was stopped from outside.
     status : int
-        That exit status, negative for a signal; 0 if stopped from outside.
+        Exit status of the first process, negative for a signal; 0 if stopped from outside.
     statuses : dict
-        Exit status of each process by `Process.name`, without the optional ones and those that had
-        to be killed after the processes that end last had kept all that was to be kept.
+        Exit status of each process by `Process.name`. Excluded are optional processes, and those
+        killed after the processes that end last had saved everything.
     last_lines : dict
         Last lines of output of each process.
     unread : OSError, SystemExit or None
@@ -86,7 +86,7 @@ class Outcome:
 
     @property
     def failed(self) -> dict[str, int]:
-        """Processes that ended badly by themselves, with their status.
+        """Processes that failed by themselves, with their exit status.
 
         After a failure, the status of stopped processes is ignored, unless a process had to be
         killed. A process that did not yet handle the stop signal did not fail, nor did a process
@@ -99,16 +99,16 @@ class Outcome:
 
 
 OnLine = Callable[[str, str], None]
-"""Takes the name of a process and a line of its output."""
+"""Function of the name of a process and a line of its output."""
 
 OnEvent = Callable[[str, dict[str, Any]], None]
-"""Takes the name of a process and an event, see `core.process.tell_supervisor`."""
+"""Function of the name of a process and an event; see `core.process.tell_supervisor`."""
 
 
 class Lines:
     """Queue of output lines, shown by a thread that may block.
 
-    A caller never waits: if more than `WAITING_LINES` wait, lines are dropped, and their number is
+    Callers never wait: beyond `WAITING_LINES` queued lines, lines are dropped, and their number is
     shown instead.
 
     Parameters
@@ -119,7 +119,7 @@ class Lines:
     Attributes
     ----------
     error : OSError, SystemExit or None
-        The error with which `on_line` ended; rich exits where a pipe has no reader.
+        Error with which `on_line` ended; rich exits if a pipe has no reader.
     """
 
     def __init__(self, on_line: OnLine) -> None:
@@ -132,11 +132,11 @@ class Lines:
         self._thread = threading.Thread(target=self._show, daemon=True)
 
     def start(self) -> None:
-        """Begin to show lines."""
+        """Start showing lines."""
         self._thread.start()
 
     def say(self, name: str, line: str) -> None:
-        """Queue a line to be shown, or drop it, but no event."""
+        """Queue a line to be shown; drop lines, but no events, if the queue is full."""
         with self._news:
             if len(self._waiting) < WAITING_LINES or read_event(line):
                 self._waiting.append((name, line))
@@ -171,19 +171,20 @@ class Lines:
 
 @dataclass
 class Supervisor:
-    """Runs processes until one ends or it is asked to stop, then ends the others.
+    """Supervisor that runs processes until one ends or a stop is requested, then ends the others.
 
     Parameters
     ----------
     processes : sequence of Process
     on_line : callable, optional
-        Called with name and line for each line of output, on a thread of its own. Lines are
-        dropped while it takes too long. If it raises an OSError, as for a pipe without a reader,
-        the graph is stopped.
+        Called with name and line for each line of output, on a separate thread. Lines are dropped
+        while it is too slow. If it raises an OSError, as for a pipe without a reader, the graph is
+        stopped.
     environment : dict, optional
-        Added to the environment.
+        Variables added to the environment.
     on_event : callable, optional
-        Called with name and event for each event, in the order of the lines. Events are no lines.
+        Called with name and event for each event, in the order of the lines. Events are not passed
+        to `on_line`.
     """
 
     processes: Sequence[Process]
@@ -192,7 +193,7 @@ class Supervisor:
     on_event: OnEvent = lambda name, event: None
 
     def __post_init__(self) -> None:
-        """Prepare; nothing is started yet."""
+        """Prepare the supervisor without starting a process."""
         self._named = {process.name: process for process in self.processes}
         self._due: dict[str, float] = {}
         self._running: dict[str, subprocess.Popen[str]] = {}
@@ -201,7 +202,7 @@ class Supervisor:
         self._readers: list[threading.Thread] = []
         self._last_lines: dict[str, deque[str]] = {}
         # Not SimpleQueue: in CPython up to 3.11 at least, a signal at the instant of the time-out
-        # makes it wait for ever.
+        # makes it wait forever.
         self._ended: queue.Queue[str] = queue.Queue()
         self._lines = Lines(self._show)
 
@@ -216,7 +217,7 @@ class Supervisor:
         Parameters
         ----------
         stop : callable
-            Called every 0.1 s; true to stop.
+            Called every 0.1 s; returns true to stop.
 
         Raises
         ------
@@ -291,7 +292,7 @@ class Supervisor:
             text=True,
             errors="replace",
             env={**os.environ, **own, **self.environment},
-            # Ctrl-C is for the supervisor, which stops the graph in order.
+            # Ctrl-C must reach only the supervisor, which stops the graph in order.
             start_new_session=True,
         )
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
@@ -315,7 +316,7 @@ class Supervisor:
             self._ended.put(name)
 
     def _show(self, name: str, line: str) -> None:
-        """Pass on a line, or the event in it."""
+        """Pass on a line, or the event that it encodes."""
         if event := read_event(line):
             self.on_event(name, event)
         else:
@@ -329,9 +330,10 @@ class Supervisor:
             reader.join(timeout=1.0)
 
     def _stop(self, names: Collection[str], patience: float) -> None:
-        """End processes; kill those that still run some time, s, after that was said."""
+        """End processes; log late ones, and kill them after a further time (`patience`), s."""
         steps = (
-            # No SIGINT: a process that still imports would answer with a traceback.
+            # SIGTERM, not SIGINT: a process that still imports would print a traceback for the
+            # latter.
             (signal.SIGTERM, QUIET_END, ""),
             (0, patience, "has not ended yet, and is waited for"),
             (KILL, KILLING, "does not end, and is killed"),
@@ -356,7 +358,7 @@ class BackgroundGraph:
     ----------
     processes : sequence of Process
     log : Path
-        File to which its output is added.
+        File to which the graph's output is appended.
     """
 
     def __init__(self, processes: Sequence[Process], log: Path) -> None:
@@ -369,7 +371,7 @@ class BackgroundGraph:
 
     @property
     def ended(self) -> str:
-        """Reason for which the graph has ended; empty while it runs."""
+        """Reason why the graph has ended; empty while it runs."""
         outcome = self._outcome
         if isinstance(outcome, Outcome):
             return f"graph: {outcome.first or 'it'} ended with status {outcome.status}"
@@ -396,6 +398,6 @@ class BackgroundGraph:
 
 
 def command(process: Process, folder: Path) -> list[str]:
-    """Return the command line that runs a process of the graph; its parameters are in a folder."""
+    """Return the command line that runs a process of the graph with parameters from a folder."""
     words = module_command(node_module(process.executable))
     return [*words, *process.ros_arguments(folder), "-r", f"__ns:={process.namespace or '/'}"]

@@ -22,8 +22,8 @@ HIGHEST_PORT = 65535
 """Maximum UDP port."""
 
 FIRST_PORTS = {"udp": 7300, "zenoh": 7447}
-"""First port of the root namespace by transport: below 7400, where the ports of ROS domain 0
-begin, and Zenoh's own."""
+"""First port of the root namespace by transport: for udp below 7400, where the ports of ROS domain
+0 begin; for zenoh Zenoh's default."""
 
 SLOTS = 50
 """Number of namespaces with separate ports, including the root; more may collide."""
@@ -34,7 +34,7 @@ only."""
 
 
 def host_and_port(peer: str) -> tuple[str, int]:
-    """Return host and port of a peer; port 0 if none is given.
+    """Return host and port of a peer; port 0 if none is specified.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def host_and_port(peer: str) -> tuple[str, int]:
     number = int(port) if port.isascii() and port.isdigit() else -1
     host = host.removeprefix("[").removesuffix("]")
     allowed = host and host.isascii() and host.isprintable() and not set(host) & set(" /[]?#,;")
-    # The slave uses the next port.
+    # The highest port is not allowed, because the slave uses the next port.
     if not allowed or number not in range(HIGHEST_PORT) or (colon and not number):
         raise ParameterError(
             f"peer = {shown(repr(peer))}: must be HOST or HOST:PORT, with a port from 1 to"
@@ -68,7 +68,7 @@ class Route:
     Attributes
     ----------
     host : str
-        Peer as given.
+        Peer as specified.
     own, peer : str
         Numeric addresses of this host, on the path to the peer, and of the peer.
     own_port, peer_port : int
@@ -148,7 +148,7 @@ def _slot(namespace: str) -> int:
 def _addresses(host: str, port: int, *, sort: bool) -> tuple[str, str]:
     """Return this host's numeric address, on the path to the peer, and the peer's.
 
-    Sorted, so that an IPv4 address comes first if one exists: both hosts must choose the same.
+    With `sort`, an IPv4 address comes first if one exists: both hosts must choose the same.
     """
     try:
         found = socket.getaddrinfo(host, port, type=DATAGRAMS)
@@ -156,7 +156,7 @@ def _addresses(host: str, port: int, *, sort: bool) -> tuple[str, str]:
             found.sort(key=lambda each: each[0] != socket.AF_INET)
         kind, _, _, _, there = found[0]
         with socket.socket(kind, DATAGRAMS) as asking:
-            asking.connect(there)  # finds the route; sends nothing
+            asking.connect(there)  # determines the route; sends nothing
             return _numeric(asking.getsockname()), _numeric(there)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()

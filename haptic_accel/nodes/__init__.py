@@ -7,7 +7,7 @@ import os
 
 from haptic_accel.core.process import BLAS_THREADS
 
-# A node computes on one thread. Threads of BLAS spin while they wait for each other, and a
-# spinning real-time thread may keep the others from a core for ever.
+# A node computes on one thread. BLAS threads spin while they wait for each other, and a spinning
+# real-time thread may keep the others off a core indefinitely.
 for _variable in BLAS_THREADS:
     os.environ.setdefault(_variable, "1")

@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterable
 from typing import Any
 
-# Loaded before other nodes see this node, because designing a filter needs it.
+# Designing a filter needs this module; load it before other nodes discover this node.
 import scipy.signal  # noqa: F401
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
@@ -32,17 +32,17 @@ FROZEN = "adaptive.frozen"
 """Parameter that stops the adaptation."""
 
 REDUCTION = "reduction"
-"""Parameter that chooses all axes, or a reduction to one."""
+"""Parameter that selects all axes, or a reduction to one axis."""
 
 ONE_AXIS = (NO_REDUCTION, "axis")
-"""Reductions that need no more than the component along the coil."""
+"""Reductions that need only the component along the coil."""
 
 GAIN = "gain"
 """Parameter that scales the desired acceleration."""
 
 
 class Compensator(GraphNode):
-    """Computes one actuator force from each sample of the tool, and publishes it first.
+    """Node that computes an actuator force from each sample of the tool, and publishes it at once.
 
     The controller briefly waits for the handle's acceleration of the previous tick.
     """
@@ -54,7 +54,7 @@ class Compensator(GraphNode):
     def __init__(self) -> None:
         super().__init__("compensator", lambda _: ("controller", REDUCTION, GAIN, FROZEN))
         p = self.parameters
-        # All at once: designing a controller must not delay a force.
+        # Design all controllers now: a later design would delay a force.
         self._compensation = Compensation(
             p, p.rate, self.options, tuple(CONTROLLERS), latency=p.latency, clock=time.monotonic
         )
@@ -66,7 +66,7 @@ class Compensator(GraphNode):
         self._send_force = self.sender(topics.ACTUATOR_FORCE).send
         self._send_desired = self.sender(topics.DESIRED_ACCELERATION).send
         self._tools = self.samples(topics.TOOL_ACCELERATION, p.rate)
-        # A vibration along a single axis is not turned.
+        # A vibration along a single axis needs no rotation to the handle's orientation.
         turns = len(self._compensation.axes.names) > 1
         self._poses = self.inbox(topics.MASTER_POSITION, depth=1) if turns else None
         self._orientation = Orientation()
@@ -99,14 +99,14 @@ class Compensator(GraphNode):
             self._send_desired(each.stamp + offset, each.desired_acceleration)
 
     def _follow_orientation(self) -> None:
-        """Take the handle's orientation, for the next samples: no force waits for it."""
+        """Read the handle's orientation for the next samples; no force waits for it."""
         if self._poses:
             for orientation in self._poses.drain_sole(unpack_orientation):
                 self._orientation.put(orientation)
                 self.part.orientation = self._orientation.newest
 
     def follow_stop(self) -> None:
-        """Compute no force while the device refuses it; tell once that `none` took over."""
+        """Compute no force while the device refuses it; log once that `none` took over."""
         for stopped in self.states(self._stops):
             self._compensation.mute(stopped)
         if (failure := self._compensation.failure) != self._failure:

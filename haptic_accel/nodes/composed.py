@@ -3,7 +3,7 @@
 
 """Executable `composed`: all nodes for both arms, except the recorder, in one process.
 
-The nodes exchange signals without messages, in lockstep order, but a fault in one node ends all.
+The nodes exchange signals without messages, in lockstep order; a fault in one node ends all nodes.
 The recorder is a separate process, so that writing delays no force.
 """
 

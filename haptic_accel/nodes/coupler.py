@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Executable `coupler`, and the base of the nodes that couple arms."""
+"""Executable `coupler`, and the base class of the nodes that couple arms."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class SynchronizedSignal:
     ----------
     samples : Samples
     flowing : bool
-        The signal arrives, so positions wait for it.
+        True if the signal arrives; positions then wait for its samples.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class MotionSynchronizer:
 
 
 class CouplingNode(GraphNode):
-    """Couples arms while an `Engagement` allows it.
+    """Node that couples arms while an `Engagement` allows it.
 
     Services release the arms and engage them again: `estop` also stops the devices, `~/engage`
     does not.
@@ -166,7 +166,7 @@ class CouplingNode(GraphNode):
         self.sides: Mapping[str, tick.DeviceSide] = {}
         self._arrivals = ArrivalKeeper(self.parameters.rate)
         self._aside = False
-        # Until the first message only: each message slows the compensator.
+        # Subscribed until the first message only: each message slows the compensator.
         self._first_force: Inbox | None = None
         if self.parameters.compensated:
             self._first_force = self.inbox(topics.ACTUATOR_FORCE)
@@ -198,7 +198,7 @@ class CouplingNode(GraphNode):
         """Publish the results of this process's loop; `offset` as for `receive`."""
 
     def prepare(self) -> None:
-        """Prepare each decision to engage."""
+        """Prepare for the next decision whether to engage."""
 
     def close(self) -> None:
         """Leave the arms without force."""
@@ -215,12 +215,12 @@ class CouplingNode(GraphNode):
         return self._arrivals.polled(found=self.couple())
 
     def stop_forces(self) -> None:
-        """Stop all devices, release arms."""
+        """Stop all devices and release the arms."""
         self.engagement.stop.stop()
         self.follow_stop()
 
     def missing(self) -> str:
-        """Return the reason not to engage, or a later failure; empty for none."""
+        """Return why the arms cannot engage or have failed; empty if there is no reason."""
         return self.engagement.missing(time.monotonic(), self.listeners)
 
     @property
@@ -238,7 +238,7 @@ class CouplingNode(GraphNode):
         if first and (self.engagement.compensated or first.drain_vectors()):
             self.engagement.compensated, self._first_force = True, None
             first.leave()
-            return  # leaving took time: engage at the next call
+            return  # releasing the topics took time: engage at the next call
         decision = self.part.poll(time.monotonic(), self.listeners)
         if decision.release:
             self._let_go()
@@ -282,7 +282,7 @@ class CouplingNode(GraphNode):
 
 
 class Coupler(CouplingNode):
-    """Computes the forces on both arms from the samples of a tick."""
+    """Node that computes the forces on both arms from the samples of a tick."""
 
     def __init__(self) -> None:
         super().__init__((*schema(passive.CouplingParameters), *schema(passive.PassiveParameters)))

@@ -3,10 +3,10 @@
 
 """CRTK interface of a device node: queries, motion commands and operating state of the arm.
 
-The graph itself does not use CRTK, which costs nothing until it is used: queries are published
-while they have subscribers, commands are polled while they have publishers.
+The graph itself does not use CRTK. The interface has no cost while unused: queries are published
+only while they have subscribers, and commands polled only while they have publishers.
 
-States of the lifecycle and positions for displays (joint states) belong to the arm, too.
+This module also publishes the arm's lifecycle state and its joint states for displays.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from haptic_accel.nodes.signals import Sender
 from haptic_accel.nodes.supervised_node import message_type
 
 UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
-"""Stable states of a managed node, by ROS' names."""
+"""Stable states of a managed node, by their ROS names."""
 
 SERVICES = {
     "change_state": ChangeState,
@@ -60,14 +60,14 @@ SERVICES = {
 
 
 class Managed(LifecycleNodeMixin):
-    """The states and services of ROS 2's lifecycle, for a graph node that has it as a base.
+    """Mix-in class that gives a graph node the states and services of ROS 2's lifecycle.
 
-    It makes the services of rclpy's node itself: the queue of rclpy's own is short, and what it
-    drops gets no answer.
+    The class creates the lifecycle services itself: the queue of rclpy's services is short, and
+    requests that it drops get no answer.
     """
 
     def begin_lifecycle(self) -> None:
-        """Make the services, once the node is made."""
+        """Create the services, once the node exists."""
         callbacks = lifecycle_callbacks(self, SERVICES)
         LifecycleNodeMixin.__init__(self, enable_communication_interface=not callbacks)
         for name, callback in callbacks.items():
@@ -91,7 +91,7 @@ class Managed(LifecycleNodeMixin):
 
     def _serve_change(self, request: ChangeState.Request, response: ChangeState.Response) -> Any:
         """Change the state as requested; rclpy would end the node for an impossible transition."""
-        # By name or, without a name, by number.
+        # Look the transition up by name or, without a name, by number.
         possible = {name: n for n, name, *_ in state_machine(self).available_transitions}
         requested = request.transition
         if requested.label in possible if requested.label else requested.id in possible.values():
@@ -105,7 +105,7 @@ class Managed(LifecycleNodeMixin):
 
 
 def joint_state(stamp: int, frame: str = "", **fields: Any) -> JointState:
-    """Return a message with a stamp, system time in ns, a frame, and fields by name."""
+    """Return a joint state with a stamp (system time, ns), a frame, and fields by name."""
     message = JointState(**fields)
     sec, nanosec = divmod(stamp, NANOSECONDS)
     message.header.stamp, message.header.frame_id = Time(sec=sec, nanosec=nanosec), frame
@@ -113,7 +113,7 @@ def joint_state(stamp: int, frame: str = "", **fields: Any) -> JointState:
 
 
 class JointStates:
-    """Publishes an arm's position at a low rate while it has subscribers.
+    """Publisher of an arm's position at a low rate, active while subscribed to.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ class JointStates:
         self._passed = 0
 
     def add(self, stamp: int, position: Vector) -> None:
-        """Publish a sample, system time in ns and m, unless it follows too soon."""
+        """Publish a position, m, stamped in system time, ns, unless the last one is too recent."""
         self._passed += 1
         if self._passed < self._every:
             return
@@ -148,11 +148,11 @@ _JOINTS, _EMPTY = "sensor_msgs/msg/JointState", "std_msgs/msg/Empty"
 _STATE, _TEXT = f"{MESSAGES}/msg/OperatingState", f"{MESSAGES}/msg/StringStamped"
 
 STATE_COMMAND_AGE = 1.0
-"""Age above which a state command is out of date, s: a person, not a control loop, sends it."""
+"""Age above which a state command is outdated, s; a person sends it, not a control loop."""
 
 
 class Queries:
-    """Joint state, force and set-points of an arm, published while they have subscribers.
+    """Publishers of an arm's joint state, force and set-points, active while subscribed to.
 
     Parameters
     ----------
@@ -231,8 +231,8 @@ class Queries:
 class MotionCommands:
     """Motion commands other than forces: `servo_cp`, `hold` and `free`.
 
-    Between two samples, `free` takes precedence over `hold`, and `hold` over a position;
-    otherwise the newest command counts.
+    Between two samples, `free` takes precedence over `hold`, and `hold` over a position; among
+    commands of one kind, the newest applies.
 
     Parameters
     ----------
@@ -298,9 +298,9 @@ class MotionCommands:
 
 
 class OperatingState:
-    """CRTK state of an arm, whose commands cause transitions of the managed node.
+    """CRTK operating state of an arm; state commands cause transitions of the managed node.
 
-    States and commands need CRTK's messages; "homed" and "busy" are published without these.
+    States and commands need CRTK's messages; "homed" and "busy" are published without them.
 
     Parameters
     ----------
@@ -310,7 +310,7 @@ class OperatingState:
     fault : callable
         Returns the device's fault; empty for none.
     rearm : callable
-        Allows forces again after a fault; returns any refusal.
+        Allows forces again after a fault; returns the reason if refused.
     """
 
     def __init__(
@@ -350,7 +350,7 @@ class OperatingState:
         return PAUSED if self._pausing and self._node.state == INACTIVE else DISABLED
 
     def report(self, *, busy: bool = False, again: bool = False) -> None:
-        """Publish the state if it changed, with `again` in any case."""
+        """Publish the state if it changed; with `again`, publish it in any case."""
         homed = self._node.state in (INACTIVE, ACTIVE)
         starting = self._node.state == ACTIVE and not self._safety.active
         current = self.state, homed, busy or starting
@@ -367,7 +367,7 @@ class OperatingState:
             self._state.publish(message)
 
     def _receive(self, command: Any) -> None:
-        """Execute a command with a recent stamp or none; log any other as outdated."""
+        """Execute a command with a recent stamp or without one; log an older one as outdated."""
         sent = command.header.stamp
         stamp = sent.sec * NANOSECONDS + sent.nanosec
         if stamp and abs(time.time_ns() - stamp) > STATE_COMMAND_AGE * NANOSECONDS:

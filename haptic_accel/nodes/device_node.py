@@ -32,23 +32,23 @@ MANY_MISSED = 0.01
 """Fraction of missed deadlines between two reports above which diagnostics warn."""
 
 MANY_LATE = 0.5
-"""Fraction of late ticks between two reports above which the rate is not held: a machine that is
-busy at the start of the nodes delays fewer."""
+"""Fraction of late ticks between two reports above which the machine cannot hold the rate. Load at
+the start of the nodes delays a smaller fraction."""
 
 STALL = 0.02
-"""Time without a tick above which diagnostics warn, s: a fiftieth of their own period."""
+"""Time without a tick above which diagnostics warn, s: 1/50 of the diagnostics' period."""
 
 NEWS_PERIOD = 0.1
 """Interval between checks for events of the safety layer, s."""
 
 
 def steady_now() -> float:
-    """Return the time that devices use, s."""
+    """Return the steady time that devices use, s."""
     return time.monotonic_ns() / NANOSECONDS
 
 
 class DeviceNode(crtk.Managed, GraphNode):
-    """Samples a device on the machine's sampling grid, publishes, and applies commands when due.
+    """Node that samples a device on the sampling grid, publishes, and applies commands when due.
 
     At each tick the node takes a sample, applies the due forces, caused by the samples `latency`
     ticks before, and then publishes. Late forces are applied on arrival. Every command passes a
@@ -97,7 +97,7 @@ class DeviceNode(crtk.Managed, GraphNode):
         self._crossed = 0
         self._reported_unread = self._reported_contested = self._reported_unlocated = 0
         self._reported_deadlines = 0, 0, 0, 0
-        signals = arm.acceleration, arm.position, arm.velocity  # the input of the felt force first
+        signals = arm.acceleration, arm.position, arm.velocity  # most urgent first
         self._acceleration, self._position, self._velocity = map(self.sender, signals)
         self._work_sender = self.sender(arm.work)
         self._work_asked = False
@@ -106,7 +106,7 @@ class DeviceNode(crtk.Managed, GraphNode):
         self._inboxes = {ARM: self.inbox(arm.arm_force)}
         if arm.actuator_force:
             self._inboxes[ACTUATOR] = self.inbox(arm.actuator_force)
-        # The newest set-point is enough; others may not delay a tick.
+        # Only the newest set-point is needed; older ones must not delay a tick.
         pointed = self._kind.description.pointed
         self._points = self.inbox(topics.HAND_SET_POINT, depth=1) if pointed else None
         self._queries = crtk.Queries(self, arm)
@@ -138,7 +138,7 @@ class DeviceNode(crtk.Managed, GraphNode):
     # Transitions of the managed node
 
     def on_configure(self, state: LifecycleState) -> Outcome:
-        """Open the device and begin to sample it, without force."""
+        """Open the device and start sampling, without force."""
         self._failure = None
         try:
             self._renew()
@@ -148,9 +148,9 @@ class DeviceNode(crtk.Managed, GraphNode):
             if self.device.hang_warning:
                 self.get_logger().warning(self.device.hang_warning)
             self.side.start(self.device)
-        except Exception as error:  # rclpy would not show it
+        except Exception as error:  # rclpy would not log it
             self._failure = error
-            if not self._starting:  # otherwise the process ends with this line
+            if not self._starting:  # at the start, the process prints this line as it ends
                 self.get_logger().error(str(error))
             self._close_device()
             return Outcome.FAILURE
@@ -162,7 +162,7 @@ class DeviceNode(crtk.Managed, GraphNode):
         return Outcome.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> Outcome:
-        """Remove all forces, and allow none."""
+        """Remove all forces and refuse new ones."""
         self.safety.enable(steady_now(), False)
         try:
             self.side.take_off()
@@ -177,7 +177,7 @@ class DeviceNode(crtk.Managed, GraphNode):
         return Outcome.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> Outcome:
-        """Close the device, and end."""
+        """Close the device and end the node."""
         self._release()
         self.finish()
         return Outcome.SUCCESS
@@ -196,7 +196,7 @@ class DeviceNode(crtk.Managed, GraphNode):
         self._stop.stop()
 
     def take_forces_off(self) -> None:
-        """Remove all forces while the device is open: another may hang while it is closed."""
+        """Remove all forces before any device is closed, as closing another one may hang."""
         with suppress(DeviceError, OSError):
             if self.side.sampling:
                 self.side.take_off()
@@ -222,7 +222,7 @@ class DeviceNode(crtk.Managed, GraphNode):
             self._stop.tell()
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:
-        """Return timing, the commands' ages, the safety layer's values, the device's counts."""
+        """Return timing, ages of commands, and values of safety layer and device."""
         keeper = self.rate_keeper
         values = {
             "state": self.state,
@@ -261,7 +261,7 @@ class DeviceNode(crtk.Managed, GraphNode):
         return ", ".join(filter(None, warnings))
 
     def _unlocated(self) -> str:
-        """Return a warning if the device has given positions that are no numbers."""
+        """Return a warning if the device has returned positions that are not finite."""
         before, self._reported_unlocated = self._reported_unlocated, self.side.unlocated
         if self.side.unlocated == before:
             return ""
@@ -275,7 +275,7 @@ class DeviceNode(crtk.Managed, GraphNode):
         keeper, rate = self.rate_keeper, self.parameters.rate
         counts = *self.side.deadlines, keeper.ticks + keeper.missed, keeper.late + keeper.missed
         before = self._reported_deadlines
-        if counts[0] < before[0]:  # forces are counted anew once the arms engage
+        if counts[0] < before[0]:  # forces are counted from zero once the arms engage
             before = 0, 0, *before[2:]
         due, missed, ticks, late = (now - then for now, then in zip(counts, before, strict=True))
         self._reported_deadlines = counts
@@ -304,14 +304,14 @@ class DeviceNode(crtk.Managed, GraphNode):
         """Configure and activate; raise the error that prevents it."""
         self._starting = True
         if self.trigger_configure() != Outcome.SUCCESS:
-            self.destroy_node()  # the caller gets no node to destroy
+            self.destroy_node()  # the caller never gets the node, so cannot destroy it
             assert self._failure
             raise self._failure
         self._starting = False
         self.trigger_activate()
 
     def _renew(self) -> None:
-        """Replace a used device by a new one."""
+        """Replace a closed device by a new instance."""
         if self._used:
             self.device = build_device(self._executable, self.parameters, self.options)
         self._used = True
@@ -329,7 +329,7 @@ class DeviceNode(crtk.Managed, GraphNode):
             self.get_logger().error(f"{self.parameters.device} device: {error}")
 
     def fail(self, error: Exception) -> None:
-        """Close a device that failed: no force, no samples, until configured again."""
+        """Close a failed device: no forces or samples until it is configured again."""
         self.get_logger().error(
             f"{self.parameters.device}: {error}: device closed, no force; to open it again, start"
             " the graph again, or configure and activate this node"
@@ -345,7 +345,7 @@ class DeviceNode(crtk.Managed, GraphNode):
 
     @property
     def received(self) -> int:
-        """Number of kinds of forces that come as messages, not from this process's loop."""
+        """Number of kinds of forces received as messages, not from this process's loop."""
         return sum([not inbox.fed for inbox in self._inboxes.values()])
 
     def publish(self, sample: ArmSample) -> None:
@@ -370,7 +370,7 @@ class DeviceNode(crtk.Managed, GraphNode):
             )
 
     def end_with_device(self) -> None:
-        """End the node where its device has ended."""
+        """End the node if its device has ended."""
         if self.device.ended:
             self.finish(f"{self.parameters.device} device has ended")
 
@@ -407,20 +407,20 @@ class DeviceNode(crtk.Managed, GraphNode):
 
     @property
     def _contested(self) -> int:
-        """Number of commands that were dropped, as several publishers may have sent them."""
+        """Number of commands dropped because several publishers may have sent them."""
         inboxes = *self._inboxes.values(), self._motions.positions
         return self._crossed + sum(each.contested for each in inboxes)
 
     def _may_cross(self) -> bool:
         """Return whether forces and positions of the arm may come from two nodes.
 
-        Publishers that stay are compared by name in `_note_rivals`.
+        `_note_rivals` compares permanent publishers by name.
         """
         pair = self._inboxes[ARM], self._motions.positions
         return any(each.changed for each in pair) and all(each.contenders for each in pair)
 
     def _note_rivals(self, kind: str) -> None:
-        """Refuse commands, waiting ones included, while several publishers send them."""
+        """Refuse commands, including waiting ones, while several publishers send them."""
         inboxes = [self._inboxes[kind], *([self._motions.positions] if kind == ARM else [])]
         rivals = self.rivals(*inboxes)
         self.safety.note_rivals(kind.replace("_", " "), rivals)
@@ -428,7 +428,7 @@ class DeviceNode(crtk.Managed, GraphNode):
             self.side.forces[kind].clear()
 
     def _unstamped(self, kind: str) -> int:
-        """Return a stamp for an unstamped force: the present time, or none to refuse the force."""
+        """Return the present time as the stamp of an unstamped force, or no stamp to refuse it."""
         if kind == ARM and self.options[SAFETY].arm.zero_stamp:
             return self.rate_keeper.time(self.side.tick) + self.offset
         return 0
@@ -486,7 +486,7 @@ class DeviceNode(crtk.Managed, GraphNode):
         return str(self._failure or (self.side.sampling and self.device.problem) or "")
 
     def _log_news(self) -> None:
-        """Log new events of the safety layer; look for stops, command senders and subscribers."""
+        """Log new events of the safety layer; check for stops, command senders and subscribers."""
         polls = self._stop.poll_pending, self._motions.poll, self._queries.poll
         for look in (*polls, self._operating.report):
             look()

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The emergency stop in ROS: in a device, in the coupler, and requested from outside."""
+"""Emergency stop in ROS: of a device, of the coupler, and on request of other processes."""
 
 from __future__ import annotations
 
@@ -31,32 +31,32 @@ DEVICE_SERVICES = tuple(f"{device}/estop" for device in DEVICES)
 """Services that stop and release one device each."""
 
 STOP_SERVICES = (EMERGENCY_STOP.name, *DEVICE_SERVICES)
-"""Services of the emergency stop; the coupler's, which passes a release on, comes first."""
+"""Services of the emergency stop; first the coupler's, which forwards a release to devices."""
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Quality of service of the stop's topics for a node that only requests it."""
+"""Quality of service of the stop's topics for a node that only requests the stop."""
 
 ANSWER_TIME = 1.0
-"""Time in which a device must answer to a release, s."""
+"""Time-out for a device's answer to a release, s."""
 
 SEARCH_TIME = 0.5
-"""Time for which graphs to be stopped are searched for, s."""
+"""Duration of the search for graphs to stop, s."""
 
 AGAIN = "stopped again meanwhile"
-"""Reason against a release that came before the effect of a stop."""
+"""Reason for refusing a release that arrived before a stop took effect."""
 
 Act = Callable[[], None]
 Answer = Callable[[SetBool.Response], None]
 
 
 class NodeStop:
-    """Emergency stop of a node: its topics, its service, and its state as published.
+    """Emergency stop of a node, with its topics, its service and its published state.
 
     Parameters
     ----------
     node : GraphNode
     stop : EmergencyStop
-        Stop of the node, set by others, too.
+        Stop of the node, which other objects may set, too.
     state : Topic
         Topic of the state, true while stopped.
     service : str
@@ -93,7 +93,7 @@ class NodeStop:
         for request, answer in requests:
             if request.data:
                 answer(SetBool.Response(success=True, message="stopped"))
-            elif new or requested:  # the release may have been requested before the stop
+            elif new or requested:  # the release may have been requested before this stop
                 answer(SetBool.Response(success=False, message=AGAIN))
             elif refusal := self._stop.release(now, self._node.publishers(*self._names)):
                 answer(SetBool.Response(success=False, message=refusal))
@@ -105,11 +105,11 @@ class NodeStop:
 
     @abstractmethod
     def _obey(self) -> None:
-        """Act upon a stop, new or repeated."""
+        """Execute a stop, new or repeated."""
 
     @abstractmethod
     def _release(self, answer: Answer, now: float) -> None:
-        """Act upon the release of the node's own stop, and answer the request."""
+        """Execute the release of the node's own stop, and answer the request."""
 
 
 class DeviceStop(NodeStop):
@@ -141,7 +141,7 @@ class DeviceStop(NodeStop):
         return settled
 
     def poll_pending(self) -> None:
-        """Stop if a stop has been left for graphs that start, or that nothing else reaches."""
+        """Stop if a pending stop exists, as for graphs that were not running or reachable."""
         if self._pending.is_new() and not self._stop.stopped:
             self._node.get_logger().warning(
                 "emergency stop of haptic-accel estop is pending: release it by"
@@ -164,9 +164,9 @@ class DeviceStop(NodeStop):
         self._take_off()
 
     def _release(self, answer: Answer, now: float) -> None:
-        with suppress(OSError):  # another user's holds for later graphs
+        with suppress(OSError):  # another user's stop stays, for later graphs
             self._pending.withdraw()
-        self._pending.is_new()  # what is left is released for this node
+        self._pending.is_new()  # a stop that stays is released for this node
         self._released()
         answer(SetBool.Response(success=True, message="released"))
 
@@ -184,7 +184,7 @@ class CouplerStop(NodeStop):
     """Emergency stop of the coupler, which follows devices and forwards releases to them.
 
     The service `estop` stops at once. A release is forwarded to the devices, and answered after
-    all devices answer: all are released, or none.
+    all devices answer: either all devices are released, or none is.
 
     Parameters
     ----------
@@ -215,12 +215,12 @@ class CouplerStop(NodeStop):
         self.tell()
 
     def _release(self, answer: Answer, now: float) -> None:
-        self.tell()  # before the devices are asked, which refuse while the coupler is stopped
+        self.tell()  # first: devices refuse a release while the coupler is stopped
         devices = self._services.ask(SetBool, DEVICE_SERVICES, SetBool.Request(data=False))
         self._releases.append(_Release(answer, devices, now + ANSWER_TIME))
 
     def _is_answered(self, release: _Release, now: float) -> bool:
-        """Answer after all devices, or at the time-out; stop all if a device refuses."""
+        """Answer after all devices or at the time-out; stop all devices if one refuses."""
         refused, silent = release.devices.refusals, release.devices.silent
         if now >= release.deadline:
             refused += [f"{name}: no answer within {ANSWER_TIME:g} s" for name in silent]
@@ -229,7 +229,7 @@ class CouplerStop(NodeStop):
         if silent and not refused:
             return False
         if refused:
-            self._stop.follow()  # no new stop: a released peer stays released
+            self._stop.follow()  # not a new stop: a released peer stays released
         devices = release.devices.asked
         released = f"{' and '.join(devices)} take forces again" if devices else "no device"
         message = "; ".join(refused) or f"released: {released}"
@@ -256,7 +256,7 @@ async def stop_devices(client: ServiceClient, timeout: float) -> tuple[str, set[
     Returns
     -------
     tuple
-        A line on the confirming devices, and the full names of the others.
+        A line on the devices that confirmed, and the full names of the others.
     """
     node = client.node
     node.create_publisher(Bool, EMERGENCY_STOP.name, LATCHED).publish(Bool(data=True))
@@ -286,7 +286,7 @@ async def stop_devices(client: ServiceClient, timeout: float) -> tuple[str, set[
 
 
 def _devices(node: Node) -> Iterator[tuple[str, str]]:
-    """Yield the full names of devices that must confirm and of their confirmation topics."""
+    """Yield full names of the devices that must confirm, and of their confirmation topics."""
     namespaces = {node.get_namespace().rstrip("/")}
     if namespaces == {""}:
         states = [f"/{arm.stopped.name}" for arm in DEVICES.values()]
@@ -296,24 +296,24 @@ def _devices(node: Node) -> Iterator[tuple[str, str]]:
     for namespace in namespaces:
         for device, arm in DEVICES.items():
             senders = node.get_publishers_info_by_topic(f"{namespace}/{arm.position.name}")
-            # The coupler reports here the state of an arm that is on a peer host.
+            # On this topic, the coupler reports the state of an arm on a peer host.
             if all(sender.node_name != "coupler" for sender in senders):
                 yield f"{namespace}/{device}".removeprefix("/"), f"{namespace}/{arm.stopped.name}"
 
 
 async def release(client: ServiceClient, timeout: float = 0.0) -> tuple[str, set[str]]:
-    """Ask the coupler for the release, or the devices if there is no answer.
+    """Request the release from the coupler or, without an answer, from the devices.
 
     Parameters
     ----------
     client : ServiceClient
     timeout : float
-        Time to repeat a refused release, s, as the reason of the refusal may disappear.
+        Time for which a refused release is repeated, s, as the reason may disappear.
 
     Returns
     -------
     tuple
-        A line on the devices that take forces again, and the devices that do not answer.
+        A line on the devices that accept forces again, and the devices without an answer.
 
     Raises
     ------

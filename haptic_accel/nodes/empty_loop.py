@@ -37,8 +37,8 @@ def empty_loop(rate: float, seconds: float) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``{"missed": n, "of": n, "lateness_us": {"p50": ..., "max": ...}}``: ticks that began too
-        late for any force to be in time (`IN_TIME`), all ticks, lateness.
+        ``{"missed": n, "of": n, "lateness_us": {"p50": ..., "max": ...}}``: number of ticks that
+        started too late for a force in time (`IN_TIME`), all ticks, lateness.
 
     Raises
     ------

@@ -65,26 +65,26 @@ _LARGEST = sys.float_info.max
 
 
 class DeclaredParameters:
-    """Parameters of a node, declared from its schema: a device node has those of its devices.
+    """Parameters of a node, declared from its schema, with options of its devices.
 
     Parameters
     ----------
     node : Node
-        It has declared what command line and files give.
+        Node that has declared the values of command line and files.
     executable : str
         Key of the schema.
     changeable : Changeable
     change : callable
         Applies new, checked values of changeable parameters by name, or raises a ParameterError.
     note : callable
-        Notes an exception of a callback by its name; returns a line.
+        Records an exception of the named callback; returns it in one line.
 
     Attributes
     ----------
     own
         The node's own parameters, checked.
     options : dict
-        Parameters of its possible parts (devices, controllers), by name.
+        Parameters of the node's optional parts (devices, controllers), by name.
     schema : mapping
         Default and specification of the declared parameters, by dotted name.
 
@@ -113,7 +113,7 @@ class DeclaredParameters:
 
     @property
     def services(self) -> dict[type, Callable[..., Any]]:
-        """Callbacks of the services that replace rclpy's, by their type."""
+        """Callbacks of the services that replace rclpy's, by service type."""
         return {
             GetParameters: self._serve_values,
             SetParameters: self._serve,
@@ -121,17 +121,17 @@ class DeclaredParameters:
         }
 
     def new(self, parameters: Iterable[Parameter]) -> list[Parameter]:
-        """Return those that differ from their present values, in the types of the schema.
+        """Return the parameters with changed values, in the types of the schema.
 
         Raises
         ------
         ParameterError
-            One has no such value, or is fixed.
+            A value is not allowed, or its parameter is fixed.
         """
         return [each for each in map(self._checked, parameters) if not self._holds(each)]
 
     def _serve_values(self, request: Any, response: Any) -> Any:
-        """Return a value for each name, not set if there is none; rclpy would return no value."""
+        """Return a value for each name, unset if unknown; rclpy would return none at all."""
         found = (self._node.get_parameter_or(name, Parameter(name)) for name in request.names)
         response.values = [each.get_parameter_value() for each in found]
         return response
@@ -204,7 +204,7 @@ class DeclaredParameters:
         }
         for name in given:
             self._node.undeclare_parameter(name)
-            # A file may set in all nodes (/**) what only some have.
+            # A file may set parameters in all nodes (/**) that only some nodes have.
             if not any(name in {*node_schema(each), *FORMER.get(each, ())} for each in NODES):
                 raise ParameterError(f"{name}: no such parameter")
         return present_values(given, given.get("rate"), self._node.get_logger().warning)
@@ -218,7 +218,7 @@ class DeclaredParameters:
             value = checked(name, given.get(name, default), default, specification)
             descriptor = _descriptor(default, specification)
             descriptor.read_only = name not in self._changeable
-            # ROS would take the value as given: 300 is no double to it.
+            # ROS would take the override's own type: an integer such as 300 is no double.
             self._node.declare_parameter(name, value, descriptor, ignore_override=True)
 
 
@@ -238,7 +238,7 @@ def _parameter(message: ParameterMessage) -> Parameter:
     Raises
     ------
     ParameterError
-        The type is unknown, or not the value's type.
+        The type is unknown, or differs from the value's type.
     """
     name, kind = shown(message.name), message.value.type
     try:
@@ -248,7 +248,7 @@ def _parameter(message: ParameterMessage) -> Parameter:
 
 
 def _as_meant(value: Any, default: Any) -> Any:
-    """Convert a value to its type in the file.
+    """Convert a value to the type that it has in the parameter file.
 
     ``ros2 param load`` passes on 9e-06 as text, and the text 0.6 as a number.
     """
@@ -287,11 +287,11 @@ REFUSED = "no sample taken while it is sent by"
 """Warning for a signal with several publishers, before their names."""
 
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"
-"""Name that ROS gives to a node whose name it has not heard yet."""
+"""Placeholder of ROS for the name of a node that it has not discovered yet."""
 
 
 class GraphNode(SupervisedNode):
-    """A node of the graph: the only sender of its signals, which reports once a second.
+    """Node of the graph: sole sender of its signals, with a diagnostic report each second.
 
     Parameters
     ----------
@@ -304,11 +304,11 @@ class GraphNode(SupervisedNode):
     parameters
         The node's own parameters, checked.
     options : dict
-        Parameters of its possible parts (devices, controllers), by name.
+        Parameters of the node's optional parts (devices, controllers), by name.
     task : str
         Subject of its diagnostics.
     contested_in_loop : int
-        Number of samples withheld by this process's loop, as other nodes published the signal.
+        Number of samples that this process's loop withheld because other nodes sent the signal.
 
     Raises
     ------
@@ -327,8 +327,8 @@ class GraphNode(SupervisedNode):
         self.contested_in_loop = 0
         self._told: set[str] = set()
         self._refused_before: Counter[str] = Counter()
-        # Values of the command line and of files are checked before declaration: ROS would ignore
-        # a wrong name, and itself report a wrong value.
+        # Check the values of command line and files before declaration: ROS would ignore a wrong
+        # name, and report a wrong value less clearly.
         super().__init__(executable, automatically_declare_parameters_from_overrides=True)
         note = self._guard.note
         self._declared = DeclaredParameters(self, executable, changeable, self.change, note)
@@ -341,8 +341,8 @@ class GraphNode(SupervisedNode):
         self.add_post_set_parameters_callback(self._publish_parameters)
         self._publish_parameters(())
         self._publish_diagnostics = bytes_publisher(self.publisher(DIAGNOSTICS))
-        # In turns, as all parts together take longer than a period has left. One timer keeps the
-        # order: the executor serves several due timers in any order.
+        # Take turns: all parts at once take longer than the rest of a period. One timer keeps the
+        # order; the executor serves several due timers in any order.
         parts = (self._gather_diagnostics, self._report_gathered, self.repeat_states)
         turns = cycle(parts)
         self.create_timer(DIAGNOSTICS_PERIOD / len(parts), lambda: next(turns)())
@@ -376,7 +376,7 @@ class GraphNode(SupervisedNode):
         self._locks.append(lock_signal(self.context.get_domain_id(), name))
         if topic not in SIGNALS:
             return signals.Sender(self, topic)
-        # Other nodes must find the bundles first, to know that the signal is in them.
+        # Create the bundles first: other nodes must discover them before the signal in them.
         self._bundles = signals.join(self, partial(self.publisher, BUNDLES, signals.BUNDLES_KEPT))
         return signals.Sender(self, topic, self._bundles)
 
@@ -385,7 +385,7 @@ class GraphNode(SupervisedNode):
         return signals.Inbox(self, topic, depth)
 
     def requests(self, kind: Any, name: str) -> signals.Requests:
-        """Offer a service whose requests are served when there is time."""
+        """Offer a service whose requests wait until the node has time for them."""
         service = self._guard.service(self.create_service(kind, name, signals.ignore))
         if TAKES:
             self._polled.add(service)
@@ -407,8 +407,8 @@ class GraphNode(SupervisedNode):
     def rivals(self, *inboxes: signals.Inbox | signals.Publishers) -> str:
         """Return the senders to inboxes if there are several; otherwise an empty text.
 
-        Publishers are counted, as node names are not unique: one node that publishes once to each
-        inbox is one sender.
+        Publishers are counted because node names are not unique. A node with one publisher per
+        inbox counts as one sender.
         """
         senders = [inbox.senders for inbox in inboxes]
         if sum(senders) < 2:
@@ -419,12 +419,12 @@ class GraphNode(SupervisedNode):
             for each in self.get_publishers_info_by_topic(name)
         ]
         found = rivals(listed)
-        # Publishers that are matched already may not be listed yet.
+        # Publishers that are already matched may not be listed yet.
         return found or (f"{sum(senders)} publishers" if len(listed) < sum(senders) else "")
 
     @property
     def contested(self) -> set[str]:
-        """Names of the topics whose samples are refused, as several nodes publish them."""
+        """Names of the topics whose samples are refused because several nodes publish them."""
         return {name for name, who in self._rivals.items() if who}
 
     def publishers(self, *topics: str) -> list[str]:
@@ -435,12 +435,12 @@ class GraphNode(SupervisedNode):
     def states(self, inbox: signals.Inbox) -> list[bool]:
         """Return values of a state: true from any publisher, false from a sole publisher.
 
-        A played recording may stop the graph, but must not release the stop.
+        A bag being played may stop the graph, but must not release the stop.
         """
         return [state for state in inbox.drain_states() if state or inbox.sole]
 
     def start_anew(self) -> None:
-        """Discard the waiting samples: after a change of the clock, stamps begin again."""
+        """Discard the waiting samples, whose stamps are invalid after a change of the clock."""
 
     def publish_final_diagnostics(self) -> None:
         """Publish the final diagnostics."""
@@ -465,7 +465,7 @@ class GraphNode(SupervisedNode):
 
     def report(self) -> None:
         """Publish all that the node publishes once a second, such as diagnostics."""
-        self._report_gathered()  # later reports lack its warnings
+        self._report_gathered()  # report its warnings, which later reports lack
         self._gather_diagnostics()
         self._report_gathered()
         self.repeat_states()
@@ -480,7 +480,7 @@ class GraphNode(SupervisedNode):
         self._publish_description(message_type(DESCRIPTION)(data=text))
 
     def _report_gathered(self) -> None:
-        """Publish gathered diagnostics, each once."""
+        """Publish each set of gathered diagnostics once."""
         if self._gathered:
             self._publish_diagnostics(self._gathered)
             self._gathered = b""
@@ -520,10 +520,10 @@ class GraphNode(SupervisedNode):
         return counts
 
     def _look_for_rivals(self) -> None:
-        """Log once if a signal has several publishers, and once if it has one again."""
+        """Log once when a signal gets several publishers, and once when it is back to one."""
         for name, inbox in self._sole.items():
             found = self.rivals(inbox)
-            # The publishers' names are known shortly after their number.
+            # The names of publishers are discovered shortly after their number.
             settled = found == self._rivals.get(name, "")
             self._rivals[name] = found
             if settled and bool(found) != (name in self._told):
@@ -542,7 +542,7 @@ class GraphNode(SupervisedNode):
 
 
 def _full_name(endpoint: TopicEndpointInfo) -> str:
-    """Return the full name of an endpoint's node, which is known a moment after the endpoint."""
+    """Return the full name of an endpoint's node, discovered shortly after the endpoint."""
     if endpoint.node_name == _UNKNOWN:
         return "an unknown node"
     return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
@@ -555,9 +555,9 @@ class Endpoint(NamedTuple):
     ----------
     topic : str
     node : str
-        Full name of its node, which is not necessarily unique.
+        Full name of the publisher's node, not necessarily unique.
     participant : bytes
-        Globally unique identifier of its process.
+        Globally unique identifier of the publisher's process.
     """
 
     topic: str

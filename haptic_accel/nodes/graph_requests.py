@@ -73,7 +73,7 @@ SETTINGS: Mapping[str, Callable[[Any], Request]] = {
     "grip": set_grip,
     "reduction": set_reduction,
 }
-"""Requests that change a running graph, by the argument of its start."""
+"""Requests that change a running graph, by the name of the graph's argument."""
 
 
 def engage(value: bool) -> Request:

@@ -50,7 +50,7 @@ SIGNALS = {
 
 
 class ScopeScene:
-    """Positions that a page shows, and set-points for the hand from the page's pointer.
+    """Positions shown on a page, and set-points for the hand from the page's pointer.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class ScopeScene:
         if shown == bool(self._inboxes):
             return
         if shown:
-            # The newest sample of each is enough: samples wake no thread.
+            # Only the newest sample of each signal is needed; samples wake no thread.
             self._inboxes = {name: self._node.inbox(t, depth=1) for name, t in SIGNALS.items()}
             self._looking.reset()
         else:
@@ -105,7 +105,7 @@ class ScopeScene:
 
     @property
     def is_led(self) -> bool:
-        """True where a page can lead the hand."""
+        """True if a page can lead the hand."""
         return self._sender is not None and self._master().get("device") == POINTER
 
     def _look(self) -> None:
@@ -115,11 +115,11 @@ class ScopeScene:
 
 
 LONGEST_TEXT = 1000
-"""Maximum length of a parameter's text, characters; no path is as long."""
+"""Maximum length of a text parameter, characters; paths are shorter."""
 
 ANSWERING_TIME = 3.0
-"""Time in which a node answers, s. A request may have gone to a node that was killed: its service
-is found for up to 20 s, also while a new node of its name is there."""
+"""Time-out for a node's answer, s. A request may go to a killed node: its service stays
+discoverable for up to 20 s, even while a new node of the same name exists."""
 
 Given = Iterable[tuple[str, ParameterValue]]
 
@@ -127,8 +127,8 @@ Given = Iterable[tuple[str, ParameterValue]]
 class RemoteParameters:
     """Current values of some parameters of another node.
 
-    Anyone may publish an event in the name of a node. An event is therefore shown at once, but
-    the node itself is asked afterwards.
+    Any node may publish an event under another node's name. An event is therefore shown at once,
+    and then verified by a request to the node.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ class RemoteParameters:
     name : str
         Name of the other node, in the same namespace, and of its executable.
     asked : tuple of str
-        Names of its parameters.
+        Names of the followed parameters.
     changed : callable
         Called after any value has changed.
     refuse : callable
@@ -158,7 +158,7 @@ class RemoteParameters:
         self._refuse = refuse
         self._client = node.create_client(GetParameters, f"{name}/get_parameters")
         self._found = False
-        self._answer: Future | None = None  # to the request of the present values
+        self._answer: Future | None = None  # to the request for the present values
         self._due = 0.0
         self.path = f"{node.get_namespace().rstrip('/')}/{name}"
         """Full name of the other node."""
@@ -167,7 +167,7 @@ class RemoteParameters:
     def refresh(self) -> None:
         """Request parameters of a new, changed or silent node; discard those of a lost node."""
         if not self._client.service_is_ready():
-            if self._found:  # otherwise the node is new, and told its values
+            if self._found:  # otherwise the node is new, and has published its values
                 self._found, self._answer = False, None
                 self.values = {}
         elif self._answer is None or self._is_overdue(self._answer):
@@ -177,14 +177,14 @@ class RemoteParameters:
             self._due = time.monotonic() + ANSWERING_TIME
 
     def _is_overdue(self, answer: Future) -> bool:
-        """Drop a request that has been without an answer for too long, and return true."""
+        """Drop a request without an answer after the time-out; return true if dropped."""
         overdue = not answer.done() and time.monotonic() > self._due
         if overdue:
             self._client.remove_pending_request(answer)
         return overdue
 
     def forget(self) -> None:
-        """Discard all values, of a node that has ended."""
+        """Discard all values because the node has ended."""
         self._found, self._answer = False, None
         self._apply(dict.fromkeys(self.values), [])
 
@@ -199,7 +199,7 @@ class RemoteParameters:
     def _receive_answer(self, answer: GetParameters.Response) -> None:
         given = zip(self._asked, answer.values, strict=False)
         known, refused = admitted(self._name, self._asked, given)
-        # A node of another version may have values that mean nothing here.
+        # A node of another version may have values that this version does not know.
         self._apply({**dict.fromkeys(self._asked), **known}, refused)
 
     def _apply(self, known: Mapping[str, Any], refused: list[str]) -> None:
@@ -220,9 +220,9 @@ def admitted(
     executable : str
         Name of the node's executable.
     asked : iterable of str
-        Names of the parameters that are looked at.
+        Names of the requested parameters.
     given : iterable of tuple
-        Names and values from outside.
+        Names and values that the node has reported.
 
     Returns
     -------
@@ -239,7 +239,7 @@ def admitted(
             value = parameter_value_to_python(message)
             if value is not None:  # unknown to the node
                 known[name] = _checked(name, value, *schema[name])
-        except (ParameterError, RuntimeError) as error:  # the latter for no type of ROS
+        except (ParameterError, RuntimeError) as error:  # RuntimeError: the value has no ROS type
             refused.append(f"{executable}: {name}: {shown(str(error))}")
     return known, refused
 
@@ -271,7 +271,7 @@ _Put = Callable[[Windows, int, float, int], None]
 
 
 class GraphView(GraphNode):
-    """Node that follows a graph, and receives those signals that are asked for.
+    """Node that follows a graph, and receives the requested signals.
 
     Parameters
     ----------
@@ -286,7 +286,8 @@ class GraphView(GraphNode):
     reports : NodeReports
         Diagnostics of the nodes.
     emergency_stop : dict
-        Emergency stop: ``asked`` for, and as each arm reports it; None while unknown.
+        State of the emergency stop: requested (``asked``), and as reported by each arm; None while
+        unknown.
     """
 
     task = "view of the graph"
@@ -322,7 +323,7 @@ class GraphView(GraphNode):
             stopped = topics.DEVICES[f"{arm}_device"].stopped
             self.listen_state(stopped, partial(stop.__setitem__, arm))
         self.create_timer(ASK_PERIOD, self._refresh_parameters)
-        # A sample does not wake the executor: if samples came faster than they are taken, the
+        # A sample does not wake the executor: if samples arrived faster than they are read, the
         # node's timers and diagnostics would wait behind them.
         self._looking = self.create_timer(1 / SOUND_RATE, self._receive_signals, autostart=False)
 
@@ -336,7 +337,7 @@ class GraphView(GraphNode):
 
     @property
     def is_led(self) -> bool:
-        """True where a page can lead the hand."""
+        """True if a page can lead the hand."""
         return self._scene.is_led
 
     @property
@@ -345,14 +346,14 @@ class GraphView(GraphNode):
         return {name: dict(remote.values) for name, remote in self._remotes.items()}
 
     def forget(self) -> None:
-        """Discard all that is known of a graph that has ended; samples remain."""
+        """Discard all information on a graph that has ended, except samples."""
         self.reports.forget()
         self.emergency_stop.update({"asked": False, **dict.fromkeys(self.arms)})
         for remote in self._remotes.values():
             remote.forget()
 
     def receive(self, signals: Collection[str]) -> None:
-        """Receive some signals, by their names in `frames`, and no others."""
+        """Receive only the named signals (names as in `frames`)."""
         self._scene.show(SCENE in signals)
         for name in self._received.keys() - signals:
             self._received.pop(name).leave()
@@ -412,7 +413,7 @@ class GraphView(GraphNode):
             remote.refresh()
 
     def _update_settings(self) -> None:
-        """Take the compensator's description of the actuator, or the defaults without it."""
+        """Apply the compensator's description of the actuator, or the defaults without one."""
         self._scene.update()
         values = self._remotes["compensator"].values
         before, self._controller = self._controller, values.get("controller")

@@ -31,11 +31,11 @@ TRAVEL_SHARE = 0.95
 """Fraction of the free travel at which a trial is ended."""
 
 FAREWELLS, FAREWELL_PAUSE = 3, 0.01
-"""Zero forces sent at the end, and the time after each, s: best effort may lose one of them."""
+"""Number of zero forces sent at the end, and pause after each, s; best effort may lose one."""
 
 
 class Identifier(GraphNode):
-    """Sends the next force of the sweep for each sample of the handle.
+    """Node that answers each sample of the handle with the next force of the sweep.
 
     The sample's stamp determines the force, so that a lost sample does not shift the sweep. The
     force is removed and the run fails if the actuator's estimated travel comes near the stops, the
@@ -61,7 +61,7 @@ class Identifier(GraphNode):
         self._most_travel = TRAVEL_SHARE * actuator.travel
         self._pending = deque([ZERO], maxlen=p.latency + 1)
         self._origin: int | None = None
-        self._done, self._widest = -1, 0.0  # repeats, as logged, and travel, m
+        self._done, self._widest = -1, 0.0  # logged number of repeats, and largest travel, m
         self._started = self._received = time.monotonic()
         self._failure = ""
         self._allowed = False
@@ -80,7 +80,7 @@ class Identifier(GraphNode):
         return self._arrivals.polled(found=came)
 
     def start_anew(self) -> None:
-        """End a sweep whose time is no longer known."""
+        """End the sweep, as its time is unknown after a change of the clock."""
         if self._origin is not None:
             self._fail("handle_acceleration: a clock was set, force taken off")
 
@@ -108,7 +108,7 @@ class Identifier(GraphNode):
         if not all(map(math.isfinite, measured)):
             self._fail("handle_acceleration: not a finite number, force taken off")
             return
-        # Until now the actuator had the force from latency plus one samples ago.
+        # Until now, the actuator applied the force computed latency + 1 samples earlier.
         acting = self._axes.components(self._pending[0])
         parts = zip(self._travels, acting, measured, strict=True)
         travel = max([abs(each.observe(*pair)) for each, *pair in parts])
@@ -127,7 +127,7 @@ class Identifier(GraphNode):
             self._sender.send(moment, force)
 
     def _next_force(self, moment: int) -> Vector:
-        """Return the force that follows a sample of a moment in ns."""
+        """Return the force for a sample with the stamp `moment`, ns."""
         if self._origin is None:
             if self._missing():
                 return ZERO
@@ -137,7 +137,7 @@ class Identifier(GraphNode):
         p = self.parameters
         if trial >= p.trials:
             self._log_progress(p.trials * self._repeats)
-            # The handle comes to rest on the recording too.
+            # The recording includes the time in which the handle comes to rest.
             if within >= self._rest:
                 self.finish()
             return ZERO
@@ -162,7 +162,7 @@ class Identifier(GraphNode):
         self.get_logger().info(line)
 
     def _missing(self) -> str:
-        """Return the condition that the sweep waits for."""
+        """Return the condition that the sweep waits for; empty if there is none."""
         if not self._allowed:
             return f"waiting for {topics.MASTER_STOPPED.name}: false"
         there, expected = self._sender.listeners, self.parameters.listeners
@@ -177,7 +177,7 @@ class Identifier(GraphNode):
                 self._fail(f"{STOPPED}: force taken off")
 
     def _look(self) -> None:
-        """End the run without a subscriber or without acceleration of the handle."""
+        """End the run if there is no subscriber, or no acceleration of the handle."""
         now = time.monotonic()
         if self._origin is None:
             if now - self._started > START_TIMEOUT:
@@ -187,7 +187,7 @@ class Identifier(GraphNode):
             self._fail(f"handle_acceleration: silent for {now - self._received:.2g} s")
 
     def _fail(self, failure: str) -> None:
-        """Remove the force and end."""
+        """Remove the force and end the run."""
         if not self.finished.done():
             self._sender.send(time.time_ns(), ZERO)
             self._failure = failure

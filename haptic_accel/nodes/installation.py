@@ -26,13 +26,13 @@ from haptic_accel.nodes.empty_loop import empty_loop
 from haptic_accel.nodes.timing import sharpen_timers
 
 ANNOUNCEMENT = 3.5
-"""Time to look for other nodes, s: without a profile, Fast DDS announces nodes every 3 s."""
+"""Duration of the search for other nodes, s: by default, Fast DDS announces nodes every 3 s."""
 
 TIMER_SLACK = Path("/proc/self/timerslack_ns")
 
 
 LOOP_TIME = 2.0
-"""Length of the empty loop, s."""
+"""Duration of the empty loop, s."""
 
 
 def node_findings() -> Iterator[Finding]:

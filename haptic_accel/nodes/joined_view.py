@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""View of a running graph from a process that is not one of its own, on a thread."""
+"""View of a running graph from another process, on a separate thread."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from haptic_accel.nodes.scheduling import LOOK_ROUND
 from haptic_accel.nodes.service_client import Request, RequestError, ServiceClient
 
 FINDING_TIME, ANSWERING_TIME = 5.0, 5.0
-"""Times in which a service must be found, and must answer, s."""
+"""Time-outs for a service to be found, and for its answer, s."""
 
 T = TypeVar("T")
 
 
 class JoinedView:
-    """View of a graph, and requests to it that wait for their answers.
+    """View of a graph, with blocking requests to its nodes.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class JoinedView:
     def __init__(self, node: GraphView) -> None:
         self.node = node
         self._client = ServiceClient(node, asyncio.sleep, FINDING_TIME, ANSWERING_TIME)
-        # Created before they are needed, because discovery takes the middleware a while.
+        # Created early, because the middleware takes a while to discover the services.
         for name in ("compensator", *DEVICES):
             self._client.find(GetParameters, [f"{name}/get_parameters"])
             self._client.find(SetParametersAtomically, [f"{name}/set_parameters_atomically"])
@@ -58,7 +58,7 @@ class JoinedView:
             self._client.find(Trigger, [f"{device}/report"])
 
     def send(self, *requests: Request) -> None:
-        """Send requests together.
+        """Send all requests at once, and wait for their answers.
 
         Raises
         ------
@@ -121,7 +121,7 @@ def _asked(request: Request) -> Iterator[tuple[str, Any]]:
 def joined_view(
     namespace: str, name: str, begin: Callable[[GraphView], None]
 ) -> Iterator[JoinedView]:
-    """Join the graph of a namespace while the context is entered, whether it runs yet or not.
+    """Join the graph of a namespace, running or not, while the context is entered.
 
     Parameters
     ----------
@@ -160,6 +160,6 @@ def _spin(node: GraphView, ended: Future) -> None:
     while not ended.done():
         try:
             executor.spin_until_future_complete(ended, timeout_sec=LOOK_ROUND)
-        except Exception as error:  # nothing that is received may end the view
+        except Exception as error:  # no received message may end the view
             node.callback_failed(error)
     executor.shutdown()

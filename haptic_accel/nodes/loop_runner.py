@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Loop of one host by the machine's clock, with reports by its nodes."""
+"""Loop of one host, paced by the machine's clock, whose results the nodes publish."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from haptic_accel.nodes.timing import (
     wake_time,
 )
 
-if TYPE_CHECKING:  # a device alone needs no import of a compensator
+if TYPE_CHECKING:  # a single device needs no import of a compensator
     from haptic_accel.nodes.compensator import Compensator
     from haptic_accel.nodes.coupler import CouplingNode
     from haptic_accel.nodes.device_node import DeviceNode
 
 FAILURES = DeviceError, OSError
-"""Errors that close one device, and end nothing else."""
+"""Errors that close a device, but end no node."""
 
 
 def join(nodes: Sequence[Any]) -> LoopRunner:
@@ -39,7 +39,7 @@ def join(nodes: Sequence[Any]) -> LoopRunner:
 
 
 class LoopRunner:
-    """Steps a `HostLoop` on the machine's sampling grid, and lets the nodes publish afterwards.
+    """Runner that steps a `HostLoop` on the sampling grid, then lets the nodes publish.
 
     In one process the loop contains all nodes; in separate processes, one device.
 
@@ -75,7 +75,7 @@ class LoopRunner:
         self._offset = 0
 
     def begin(self) -> None:
-        """Start at the next tick; earlier ticks are not missed."""
+        """Start at the next tick; earlier ticks do not count as missed."""
         times = [FORCES_TIME + RECEIVING_TIME * each.received for each in self._devices.values()]
         self._keeper = RateKeeper(self._rate, lead=wake_time() + sum(times), frame=self._frame)
         self._arrivals = {arm: ArrivalKeeper(self._rate / self._frame) for arm in self._devices}
@@ -141,7 +141,7 @@ class LoopRunner:
             device = self._devices[ARMS[sample.arm]]
             try:
                 device.publish(sample)
-            except FAILURES as error:  # the driver may fail to give further values
+            except FAILURES as error:  # the driver may fail to return further values
                 device.fail(error)
         if self._coupler:
             self._coupler.publish(loop.tools, loop.commands, self._offset)

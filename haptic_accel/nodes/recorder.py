@@ -33,14 +33,14 @@ from haptic_accel.nodes.timing import RECORDING_PRIORITY
 from haptic_accel.setup.node_parameters import NODES
 
 SENDERS_PERIOD = 0.1
-"""Interval between looks for new publishers, s."""
+"""Interval between checks for new publishers, s."""
 
 FULL_LOOK_PERIOD = 1.0
-"""Interval between looks for who they are if their numbers stay the same, s."""
+"""Interval between look-ups of the publishers' identities while their number is constant, s."""
 
 
 class _Signal:
-    """Signal received in bundles and, while necessary, by its own topic.
+    """Signal received in bundles and, if necessary, by its own topic.
 
     Parameters
     ----------
@@ -51,15 +51,15 @@ class _Signal:
     Attributes
     ----------
     join : callable
-        Makes a message from a sample of a bundle.
+        Function that makes a message from a sample of a bundle.
     inbox : Inbox or None
-        Inbox of the signal's own topic; None while all come in bundles.
+        Inbox of the signal's own topic; None while all messages come in bundles.
     senders : list of bytes
         Process of each publisher.
     bundled : bool
         Messages from the present publishers have come in bundles.
     both_ways : BothWays or None
-        Received messages, while some may come both ways.
+        Received messages, while some may arrive both in bundles and separately.
     """
 
     def __init__(self, name: str, topic: topics.Topic) -> None:
@@ -78,27 +78,28 @@ class _Signal:
         self._until = math.inf
 
     def leave(self, now: float) -> None:
-        """Receive messages in bundles only, from a steady time in s on."""
+        """Receive messages in bundles only, from the steady time `now`, s."""
         if self.inbox:
             self.inbox.leave()
             self.inbox = None
             self._until = now + DUPLICATE_MEMORY
 
     def forget(self, now: float) -> None:
-        """Stop comparing once all separate messages have come in bundles, too."""
+        """Stop comparing messages once all separate ones have also come in bundles."""
         if now >= self._until:
             self.both_ways = None
 
     def repeats(self, message: bytes, *, bundled: bool, now: float) -> bool:
-        """Return whether a message came the other way."""
+        """Return whether the same message has arrived the other way (bundled or separate)."""
         return bool(self.both_ways and self.both_ways.repeats(message, bundled=bundled, now=now))
 
 
 class SignalReceiver:
-    """Receives each message of some signals once, in bundles wherever possible.
+    """Receiver that gets each message of some signals once, in bundles where possible.
 
-    A publisher sends its messages in bundles, too, if its process publishes bundles in the same
-    namespace. It subscribes to the topic of a signal with another publisher or none.
+    A publisher also sends its messages in bundles if its process publishes bundles in the same
+    namespace. The receiver subscribes to a signal's own topic if any publisher does not bundle, or
+    no publisher exists.
 
     Parameters
     ----------
@@ -127,7 +128,7 @@ class SignalReceiver:
         return taken
 
     def poll(self) -> None:
-        """Update the subscriptions to signals' own topics for the present publishers."""
+        """Update the subscriptions to the signals' own topics for the present publishers."""
         now = time.monotonic()
         names = self._bundles.name, *self._signals
         counts = [self._node.count_publishers(name) for name in names]
@@ -141,7 +142,7 @@ class SignalReceiver:
             if senders != signal.senders:
                 signal.senders, signal.bundled = senders, False
             signal.forget(now)
-            # The bundles lack a second publisher of the same process.
+            # The bundles lack the samples of a second publisher in the same process.
             known = bool(senders) and len(bundling.intersection(senders)) == len(senders)
             if not known and not signal.inbox:
                 signal.subscribe(self._node)
@@ -172,17 +173,17 @@ class SignalReceiver:
 
 
 TAKING_PERIOD = 0.02
-"""Interval at which waiting messages of the signals are taken, s: waking for each of them would
+"""Interval at which waiting messages of the signals are read, s: waking for each message would
 take a fifth of a core, and a queue of `DEPTH` holds ten times as many at 5 kHz."""
 
 ROUNDS = 3
-"""Number of `TAKING_PERIOD` for which a message waits for earlier ones, which come in bundles."""
+"""Number of `TAKING_PERIOD` that a message waits for earlier messages, which come in bundles."""
 
 NICENESS = 10
-"""Niceness of the recorder without real-time priority: it yields to the nodes that make forces."""
+"""Niceness of the recorder without real-time priority, to yield to nodes that compute forces."""
 
 DISCOVERY_PERIOD = 1.0
-"""Interval between searches for topics given by name or expression, s."""
+"""Interval between searches for topics specified by name or expression, s."""
 
 MUCH_WAITING = 0.5
 """Fraction of the queue in use above which a warning is given."""
@@ -205,7 +206,7 @@ TRANSITIONS = tuple(
 def _reporter(diagnostics: bytes) -> str:
     """Return the node of a diagnostic message, "left/node"; empty without a status."""
     frame = cdr.unpack_text(diagnostics, cdr.STAMP_BYTES.stop)
-    # Behind the frame, aligned to 4 bytes: number of statuses, level of the first, its name.
+    # After the frame, aligned to 4 bytes: number of statuses, then level and name of the first.
     number = cdr.STAMP_BYTES.stop + 4 + (len(frame.encode()) + 4) // 4 * 4
     if diagnostics[number : number + 4] == bytes(4):
         return ""
@@ -217,11 +218,12 @@ SENDERS: dict[topics.Topic, Callable[[bytes], str]] = {
     topics.PARAMETER_EVENTS: lambda data: cdr.unpack_text(data, cdr.STAMP_BYTES.stop).lstrip("/"),
     LOGS: lambda data: cdr.unpack_text(data, cdr.STAMP_BYTES.stop + 4).replace(".", "/"),
 }
-"""Functions that return the node a message is of, "left/node", for topics of all graphs."""
+"""Functions that return the node that a message concerns, "left/node", for topics of all
+graphs."""
 
 
 def _described(message: bytes) -> tuple[str, ...]:
-    """Return the nodes that a description is of."""
+    """Return the nodes that a description concerns."""
     return tuple(read_description(cdr.unpack_text(message, cdr.STAMP_BYTES.start))[PARAMETERS])
 
 
@@ -231,13 +233,14 @@ UNPACKED: dict[str, Callable[[bytes], object]] = {
     topics.DESCRIPTION.type: _described,
     **{topic.type: sender for topic, sender in SENDERS.items()},
 }
-"""Functions that unpack messages, by type: what they refuse would make a bag hard to read."""
+"""Functions that unpack messages, by type; messages that they refuse are not recorded, as they
+would make a bag hard to read."""
 
 MICROSECONDS = 1e6
 
 
 class Recorder(GraphNode):
-    """Passes serialised messages to the writer of a bag."""
+    """Node that passes serialised messages to the writer of a bag."""
 
     task = "recording"
 
@@ -297,7 +300,7 @@ class Recorder(GraphNode):
             (waiting > MUCH_WAITING * writer.capacity, f"{waiting} messages wait for the disk"),
             (free < LITTLE_SPACE, f"{free / 1e6:.0f} MB are left on the disk"),
         )
-        # After a failure, other warnings would change with every message.
+        # Report only a failure: after it, other warnings would change with every message.
         warning = files.failure or "; ".join(text for is_given, text in warnings if is_given)
         if warning and warning != self._reported:
             self.get_logger().warning(warning)
@@ -371,20 +374,20 @@ class Recorder(GraphNode):
             put(data, received)
 
     def _subscribe(self, kind: Any, name: str, put: MessageWriter, profile: QoSProfile) -> None:
-        # The stamps reveal lost messages. The middleware's event (message lost) is no help: when
-        # 95 of 5000 messages came, Fast DDS reported 5, and taking the event can hang for ever
-        # with the wheels' events executor.
+        # Lost messages are found by their stamps. The middleware's event (message lost) is no
+        # help: when only 95 of 5000 messages arrived, Fast DDS reported 5 losses, and with the
+        # wheels' events executor, reading the event can hang forever.
         self.create_subscription(kind, name, lambda data: put(data), profile, raw=True)
 
     def _look_for_topics(self) -> None:
-        """Record topics given by name or expression that exist by now."""
+        """Record the topics specified by name or expression that exist by now."""
         named = {self.resolve_topic_name(name) for name in self.parameters.named_topics}
         for name, kinds in self.get_topic_names_and_types():
             if name in self._settled or not (name in named or self._is_found(name)):
                 continue
             publishers = self.get_publishers_info_by_topic(name)
             if not publishers:
-                continue  # whose quality is not known yet
+                continue  # its quality of service is not known yet
             self._settled.add(name)
             problem = self._record_found(name, kinds, [p.qos_profile for p in publishers])
             if problem:
@@ -396,7 +399,7 @@ class Recorder(GraphNode):
         return not hidden and bool(self.parameters.finds(name))
 
     def _record_found(self, name: str, kinds: Sequence[str], offered: Sequence[QoSProfile]) -> str:
-        """Subscribe to a topic as it is offered; return a problem, or an empty text."""
+        """Subscribe to a topic with the offered quality of service; return any problem."""
         if len(kinds) > 1:
             return f"it has {len(kinds)} types: {', '.join(kinds)}"
         (kind,) = kinds
@@ -437,7 +440,7 @@ class Recorder(GraphNode):
 
 
 def _stored(profile: QoSProfile) -> rosbag2.Qos:
-    """Return a quality of service as rosbag2 stores it."""
+    """Return a quality of service in rosbag2's stored form."""
     return rosbag2.Qos(
         rosbag2.QosHistory(int(profile.history)),
         profile.depth,
@@ -456,7 +459,7 @@ def _time(nanoseconds: int) -> rosbag2.QosTime:
 
 
 def _requested(offered: Sequence[QoSProfile]) -> QoSProfile:
-    """Return the strictest quality that all publishers of a topic offer, as `ros2 bag record`."""
+    """Return the strictest quality that all publishers of a topic offer (as `ros2 bag record`)."""
     reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in offered)
     latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in offered)
     return quality(topics.Topic("", "", "", "", reliable, latched))

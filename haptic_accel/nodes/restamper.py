@@ -34,7 +34,7 @@ DISCOVERY_PERIOD = 0.1
 
 
 class Restamper(GraphNode):
-    """Publishes the played signals of the slave with the stamps of ticks, at these ticks."""
+    """Node that publishes the played signals of the slave at ticks, with the ticks' stamps."""
 
     task = "restamping"
 
@@ -58,7 +58,7 @@ class Restamper(GraphNode):
         self._looking = self.create_timer(DISCOVERY_PERIOD, self._look)
 
     def work(self) -> float:
-        """Publish the due samples; return the next due time."""
+        """Publish the due samples; return the steady time at which the next are due, s."""
         now, due = time.time_ns(), math.inf
         for sender, waiting in self._waiting:
             while waiting and waiting[0][0] <= now:
@@ -68,7 +68,7 @@ class Restamper(GraphNode):
         return due
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:
-        """Return the waiting time of samples, and the number of shifts measured again."""
+        """Return the waiting time of samples, and the number of repeated shift measurements."""
         moves = max(0, self._shift.anchored - 1)
         new, self._reported = moves - self._reported, moves
         warning = (
@@ -128,12 +128,12 @@ class Restamper(GraphNode):
         return sender
 
     def close(self) -> None:
-        """Raise the reason for which the played samples are refused, if any."""
+        """Raise an error if played samples were refused, with the reason."""
         if self._failure:
             raise DeviceError(self._failure)
 
     def _grid_point(self, moment: int) -> int:
-        """Return the first point of the sampling grid from a system time on."""
+        """Return the first point of the sampling grid at or after a system time, ns."""
         steady = moment - system_time(0)
         return system_time(round(math.ceil(steady / self._period) * self._period))
 
@@ -150,8 +150,8 @@ class Restamper(GraphNode):
 
 
 LISTENING = 100_000_000
-"""Time for which arrivals are compared, ns: at the start, as the first may be delayed, and while
-all arrive after their ticks."""
+"""Duration of a comparison of arrivals, ns: at the start, as the first arrival may be delayed, and
+while all samples arrive after their ticks."""
 
 LEAD = 20_000_000
 """Time from the arrival of an undelayed sample until it is used, ns. A player pauses for longer
@@ -162,8 +162,7 @@ PACE_TIME = 1_000_000_000
 """Time after which stamps that advance at another pace than arrivals are refused, ns."""
 
 FASTEST = 20.0
-"""Speed, or its inverse, beyond which nobody plays a bag: such stamps are nonsense, and compared
-again."""
+"""Largest plausible playback speed, or its inverse; implausible stamps are compared again."""
 
 PACE = 0.2
 """Maximum difference of the stamps' pace from 1: a busy machine delays arrivals by 0.1 s."""
@@ -200,8 +199,8 @@ class StampShift:
 
     def __init__(self, grid: Callable[[int], int], period: int, limit: int) -> None:
         self._grid = grid
-        # The next point of the grid may be a period later. Early samples wait for their tick: a
-        # stamp moved back for them would be that of a clock that was set.
+        # The next point of the grid may be a period later. Early samples wait for their tick: an
+        # earlier stamp would look like a clock that was set back.
         self._ahead = LEAD + 2 * period + limit
         self._behind = limit
         self._until: int | None = None
@@ -241,7 +240,7 @@ class StampShift:
             self._anchor(stamp, now - stamp)
         elif now <= stamp + self._offset:
             self._until = None
-        elif self._until is None:  # the first after its tick
+        elif self._until is None:  # first arrival after its tick
             self._until, self._quickest = now + LISTENING, now - stamp
         else:
             self._quickest = min(self._quickest, now - stamp)
@@ -251,7 +250,7 @@ class StampShift:
         return stamp + self._offset
 
     def _keeps_pace(self, advance: int, elapsed: int) -> bool:
-        """Return whether stamps advance as their arrivals, as far as is known."""
+        """Return whether stamps advance at the pace of their arrivals, as far as is known."""
         pace = advance / elapsed
         if abs(pace - 1) <= PACE:
             return True

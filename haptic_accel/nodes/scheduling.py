@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Running nodes: executor, priorities, signals, parent, garbage collection, exit status."""
+"""Execution of nodes: executor, priorities, signals, parent, garbage collection, exit status."""
 
 from __future__ import annotations
 
@@ -34,47 +34,48 @@ from haptic_accel.nodes.timing import FORCE_PRIORITY, ask_for_realtime, schedule
 LOOK_ROUND = 0.25
 """Interval between checks for signals and the parent while no message comes, s.
 
-A deadline is needed at all because the events executor of the binary wheels, which were
-built for glibc 2.28, neither sleeps nor delivers when it waits without one.
+A deadline is needed because the events executor of the binary wheels, built for glibc 2.28,
+neither sleeps nor delivers when it waits without one.
 """
 
 SERVING_PERIOD = 20e-3
-"""Interval between requests and timers served for each node that polls, s: one at a time, hence
-well below the period of the quickest timers, a tenth of a second. In between it sleeps, which
-takes half the processor time of waiting with the executor; serving takes 40 us even if nothing is
-there."""
+"""Interval between servings of requests and timers for each polling node, s. One is served at a
+time; hence the interval is well below the period of the quickest timers, 0.1 s. Sleeping in
+between takes half the processor time of waiting with the executor; serving takes 40 us even
+without a request."""
 
 SERVING_TIME, LONGEST_UNSERVED = 0.45e-3, 4.0
-"""Time to the next work that is enough to serve before it, s: 99 of 100 servings take less, and a
-longer one makes a tick late. Interval after which it is served all the same, serving periods."""
+"""Time to the next work that suffices for serving, s: 99 of 100 servings take less, and a longer
+one makes a tick late. Longest interval without serving, in serving periods."""
 
 USUAL, FOLLOWING = 0.9, 0.1
 """Fraction of the usual time to the next work that also suffices: at high rates `SERVING_TIME`
 is never available. Weight of the newest value in the running mean that is the usual one."""
 
 STOP_PERIOD = 2e-3
-"""Interval between polls for an emergency stop, s: each takes a hundredth of a millisecond."""
+"""Interval between polls for an emergency stop, s; a poll takes 10 us."""
 
 LONGEST_BUSY, BREAK = 0.2, 1e-3
-"""Longest time without a sleep while a polling node is behind, and the sleep that then follows, s:
-a slow machine is no fault in a node, and other programs need it, too."""
+"""Longest time without a sleep while a polling node is late, and length of the sleep after that,
+s, so that other programs run even on a slow machine."""
 
 TEARDOWN = 6
 """Time allowed for shutting the middleware down, s."""
 
 ORPHANED, PR_SET_PDEATHSIG = 5, 1
-"""Signal by which the kernel tells the end of the parent, SIGTRAP, whose number is also the time
+"""Signal by which the kernel reports the end of the parent, SIGTRAP, whose number is also the time
 in s after which an orphan is killed. Option of prctl (linux/prctl.h)."""
 
 SUSPENDING = (signal.SIGTSTP, signal.SIGTTOU)
-"""Signals by which a terminal suspends a program (Ctrl-Z), with its forces held. Of a launch only
-the launch itself is suspended, as of `teleop`, whose nodes have sessions of their own."""
+"""Signals by which a terminal suspends a program (Ctrl-Z); a suspended node would hold its forces.
+For a launch, only the launch process is suspended, likewise for `teleop`, whose nodes have
+separate sessions."""
 
 
 class Signals:
     """Signals to this process, and the end of its parent.
 
-    This is the one place where signals are handled: rclpy installs none, no node does.
+    Signals are handled here only: neither rclpy nor a node installs handlers.
     """
 
     def __init__(self) -> None:
@@ -87,21 +88,21 @@ class Signals:
         for number in SUSPENDING:
             signal.signal(number, signal.SIG_IGN)
         signal.signal(process.EMERGENCY, lambda number, _: self._stops.append(number))
-        # A supervisor blocks the signal, so that an earlier stop has waited until here.
+        # The supervisor starts nodes with this signal blocked; an earlier stop is delivered now.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {process.EMERGENCY})
-        # A device's library may hang, as PortAudio's once its server is gone. No handler of Python
-        # runs then: the signal calls alarm() itself, with its own number.
+        # A device's library may hang, as PortAudio does once its server is gone, and no Python
+        # handler runs then. The signal therefore calls alarm() directly, with its own number.
         libc = ctypes.CDLL(None)
         libc.signal(ORPHANED, libc.alarm)
         if hasattr(libc, "prctl"):  # Linux
             libc.prctl(PR_SET_PDEATHSIG, ORPHANED)
-        # The parent may have ended by now; a supervisor therefore passes its process id.
+        # The parent may have ended already; a supervisor therefore passes its process id.
         self._parent = int(os.environ.get(process.SUPERVISOR, os.getppid()))
         self._look_due, self._orphaned = 0.0, False
 
     def ended(self) -> bool:
-        """Return whether the process has to end."""
-        # Asking for the parent takes a system call, 20 us a tick.
+        """Return whether the process must end."""
+        # A check for the parent takes a system call, 20 us a tick.
         if (now := time.monotonic()) >= self._look_due:
             self._look_due = now + SERVING_PERIOD
             self._orphaned = os.getppid() != self._parent
@@ -119,18 +120,18 @@ Build = Callable[[], SupervisedNode]
 
 
 class Worker(Protocol):
-    """Node, or loop of several, with attributes of `SupervisedNode`."""
+    """Node, or loop of several nodes, with the attributes of `SupervisedNode`."""
 
     follows_stop: bool
 
     def begin(self) -> None:
-        """Get ready for the first `work`."""
+        """Prepare for the first call of `work`."""
 
     def work(self) -> float:
         """Do the work that is due; return the steady time of the next call, s."""
 
     def follow_stop(self) -> None:
-        """Read messages on the emergency stop, and act upon them."""
+        """Process messages on the emergency stop."""
 
 
 class StopPoll:
@@ -140,7 +141,7 @@ class StopPoll:
     ----------
     workers : sequence of Worker
     clock : callable
-        Steady time, s.
+        Returns the steady time, s.
     """
 
     def __init__(
@@ -177,7 +178,7 @@ def run(
     niceness: int = 0,
     priority: int = FORCE_PRIORITY,
 ) -> None:
-    """Run nodes until a signal, or the end of a node or of their parent; then exit.
+    """Run nodes until a signal, or the end of a node or of the parent process; then exit.
 
     Parameters
     ----------
@@ -192,7 +193,7 @@ def run(
     priority : int
         Real-time priority to request.
     """
-    # Before the middleware's threads, which inherit the niceness.
+    # Set before the middleware starts threads, which inherit the niceness.
     os.nice(niceness)
     os.environ.update(middleware_defaults(os.environ))
     run_process(name, partial(_run, builds, join, priority))
@@ -206,7 +207,7 @@ def run_process(name: str, act: Callable[[Signals], None]) -> NoReturn:
     name : str
         Name in messages.
     act : callable
-        Function of `Signals`, which returns once the process has to end.
+        Function of `Signals` that returns once the process must end.
     """
     unblock_standard_streams()
     sharpen_timers()
@@ -256,17 +257,17 @@ def _run(builds: Sequence[Build], join: Join | None, priority: int, signals: Sig
 
 
 def take_arguments(domain: int | None = None) -> None:
-    """Initialise ROS from the command line, and refuse other words.
+    """Initialise ROS from the command line; refuse arguments that are not for ROS.
 
     Parameters
     ----------
     domain : int, optional
-        ROS domain; the environment's if not given.
+        ROS domain; default: the environment's.
 
     Raises
     ------
     ParameterError
-        A word is not for ROS, or the environment does not fit the middleware.
+        An argument is not for ROS, or the environment does not suit the middleware.
     """
     check_middleware(os.environ)
     unknown = remove_ros_args(sys.argv)[1:]
@@ -282,11 +283,11 @@ def close_nodes(nodes: Sequence[SupervisedNode], well: bool) -> None:
             stack.callback(node.close)
         for node in nodes:
             node.take_forces_off()
-    # Nothing is urgent now, and the middleware may spin too long for a real-time thread.
+    # Leave real-time priority: nothing is urgent, and the middleware may spin for too long.
     if hasattr(os, "sched_setscheduler"):
         schedule(os.SCHED_OTHER, 0)
-    # Under load, in about one of some hundred ends, the middleware's shutdown hung or aborted
-    # ("pure virtual method called") while other nodes left. By now nothing can be lost.
+    # Under load, about one in some hundred shutdowns of the middleware hung or aborted ("pure
+    # virtual method called") while other nodes left. Nothing can be lost any more.
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.alarm(min(TEARDOWN, signal.alarm(0) or TEARDOWN))  # an orphan has less time
     if well:  # an abort must not hide a failure
@@ -314,11 +315,11 @@ def _spin(nodes: Sequence[SupervisedNode], workers: Sequence[Worker], signals: S
             executor.spin_once(timeout_sec=seconds)
         except ExternalShutdownException:
             raise
-        except Exception as error:  # nothing that is received may end the process
+        except Exception as error:  # no received message may end the process
             nodes[0].callback_failed(error)
 
-    # All objects made so far stay. A collection would find no garbage, and delay a tick by
-    # milliseconds.
+    # Freeze all present objects: a collection would find no garbage among them, and delay a tick
+    # by milliseconds.
     gc.collect()
     gc.freeze()
     gc.disable()

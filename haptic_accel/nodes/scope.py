@@ -29,16 +29,16 @@ from haptic_accel.scope.server import CommandError, ScopeServer, check_choice
 from haptic_accel.scope.state import expected_nodes, state_of
 
 FINDING_TIME = 0.7
-"""Time in which a service must be found, s."""
+"""Time-out for a service to be found, s."""
 
 ANSWERING_TIME = 1.2
-"""Time in which it must answer, s; together with the time above, a page waits less than 2 s."""
+"""Time-out for a service's answer, s; with `FINDING_TIME`, a page waits less than 2 s."""
 
 REQUESTS: dict[str, Callable[[str], Request]] = {
     **{name: requests.SETTINGS[name] for name in state.choices()},
     "record": lambda action: requests.trigger(f"recorder/{action}"),
 }
-"""Requests by action, made from the page's choice."""
+"""Functions that make a request from the page's choice, by action."""
 
 SWITCHES = ("engage", "estop")
 """Actions with a value that is true or false."""
@@ -50,7 +50,7 @@ def choices() -> dict[str, list[str]]:
 
 
 class Commands:
-    """Commands to the graph; called on the server's thread while the node's own thread spins.
+    """Commands to the graph, called on the server's thread while the node's own thread spins.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Commands:
 
     def __init__(self, node: GraphNode, devices: Collection[str]) -> None:
         self._devices = devices
-        # Created before they are needed, because discovery takes the middleware a while.
+        # Created early, because the middleware takes a while to discover the services.
         self._client = ServiceClient(node, asyncio.sleep, FINDING_TIME, ANSWERING_TIME)
         for request in (
             requests.engage(True),
@@ -72,12 +72,12 @@ class Commands:
         self._client.find(SetBool, STOP_SERVICES)
 
     async def __call__(self, action: str, value: Any) -> str:
-        """Carry out a command; return one line that states what was done.
+        """Execute a command; return one line on its effect.
 
         Raises
         ------
         CommandError
-            The command is wrong, or the graph does not answer or refuses.
+            The command is invalid, or the graph refuses or does not answer.
         """
         try:
             return await self._carry_out(action, value)
@@ -97,7 +97,7 @@ class Commands:
         return f"{action}: {await self._client.send(REQUESTS[action](value)) or value}"
 
     async def _stop(self) -> str:
-        """Stop by all services that are found, without waiting for others."""
+        """Stop by all services found so far, without waiting for others."""
         answers = self._client.ask(SetBool, STOP_SERVICES, SetBool.Request(data=True))
         await self._client.until(lambda: not answers.silent, ANSWERING_TIME)
         if missing := [each for each in self._devices if each not in answers.received]:
@@ -138,13 +138,13 @@ class Scope(GraphView):
             self._server = ScopeServer(self, access, p.host, p.port, self._commands)
             address = self._server.start()
         except (OSError, ParameterError):
-            # Nobody else knows the node yet, and the middleware does not end while it exists.
+            # No other object refers to the node, and the middleware cannot end while it exists.
             self.destroy_node()
             raise
         print(f"{address} ({'control allowed' if p.control else 'read-only'})", flush=True)
 
     def work(self) -> float:
-        """Rest if more messages come than this process may receive with its priority."""
+        """Sleep if receiving messages takes more time than this process's priority allows."""
         self._rest()
         return super().work()
 
@@ -183,7 +183,7 @@ class Scope(GraphView):
 
 
 def main() -> None:
-    """Run the node, whose page can stop a graph as the command does: with the same priority."""
+    """Run the node, with the priority of the stop command, as its page can stop a graph, too."""
     run("scope", Scope, priority=PRIORITY)
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Client of services: requests to other nodes, and their answers as they come."""
+"""Client of services: requests to other nodes, and their answers."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Answers:
 
     @property
     def received(self) -> dict[str, Any]:
-        """Responses by node, as far as they have come."""
+        """Responses received so far, by node."""
         return {node: answer.result() for node, answer in self.asked.items() if answer.done()}
 
     @property
@@ -71,7 +71,7 @@ class Answers:
 
     @property
     def refusals(self) -> list[str]:
-        """A line on each node that refuses."""
+        """One line for each node that refuses."""
         return [f"{node}: {it.message}" for node, it in self.received.items() if not it.success]
 
 
@@ -93,21 +93,21 @@ class Services:
         self._clients: dict[str, Client] = {}
 
     def find(self, kind: Any, names: Sequence[str]) -> dict[str, Client]:
-        """Return the clients of services of one type by node, which are found some time later."""
+        """Return clients of services of one type by node; discovery takes some time."""
         for name in names:
             if name not in self._clients:
                 self._clients[name] = self.node.create_client(kind, name)
         return {_node(name): self._clients[name] for name in names}
 
     def ask(self, kind: Any, names: Sequence[str], content: Any) -> Answers:
-        """Send the same request to those services that are found by now."""
+        """Send the same request to the services discovered so far."""
         clients = self.find(kind, names).items()
         ready = {node: client for node, client in clients if client.service_is_ready()}
         return Answers({node: client.call_async(content) for node, client in ready.items()})
 
 
 Pause = Callable[[float], Awaitable[None]]
-"""Wait for a time in s."""
+"""Coroutine function that waits for a time in s."""
 
 
 class ServiceClient(Services):
@@ -118,7 +118,7 @@ class ServiceClient(Services):
     node : Node
         As for `Services`.
     pause : coroutine function
-        Waits for a time in s; it spins the node where no other thread does.
+        Waits for a time in s, and spins the node if no other thread does.
     finding, answering : float
         Time-outs for a service to be found, and for its answer, s.
     """
@@ -138,7 +138,7 @@ class ServiceClient(Services):
         return True
 
     async def answers(self, kind: Any, names: Sequence[str], content: Any) -> Answers:
-        """Send the same request to several services, and wait for those that are found."""
+        """Send the same request to several services; wait for the answers of those found."""
         clients = self.find(kind, names).values()
         await self.until(lambda: all(it.service_is_ready() for it in clients), self._finding)
         answers = self.ask(kind, names, content)

@@ -26,10 +26,10 @@ from haptic_accel.devices import rclpy_internals as internals
 from haptic_accel.nodes.supervised_node import CallbackGuard, SupervisedNode
 
 BUNDLES_KEPT = 100
-"""Number of bundles kept by a publisher: those of two seconds, to be sent again if one is lost."""
+"""Number of bundles kept by a publisher, two seconds' worth, to resend any that is lost."""
 
 FLUSH_PERIOD = 0.1
-"""Interval at which a bundle is sent when no sample follows its last, s."""
+"""Time after which an incomplete bundle is sent if no further sample follows, s."""
 
 _PERIOD = round(BUNDLE_PERIOD * NANOSECONDS)
 
@@ -66,7 +66,7 @@ def _key(node: Node) -> tuple[Any, str]:
 
 
 class BundleSender:
-    """Collects the samples of a process's signals, and publishes them in bundles.
+    """Publisher of the samples of a process's signals in bundles.
 
     Parameters
     ----------
@@ -79,8 +79,8 @@ class BundleSender:
     listening : callable
         Returns the number of subscribers found.
     period : int
-        Number of bundles due so far, with samples or without. Subscribers are counted once in each
-        period: counting them for each sample would take longer than all else.
+        Number of bundles due so far, with samples or without. Subscribers are counted once per
+        period, as counting them for each sample would dominate the cost.
     """
 
     def __init__(self, node: Node, publisher: Publisher) -> None:
@@ -99,15 +99,15 @@ class BundleSender:
         return set(map(owner, node.get_subscriptions_info_by_topic(self._name)))
 
     def put(self, index: int, stamp: int, vector: Vector, orientation: Quaternion) -> None:
-        """Add a sample of a topic, sent now."""
+        """Add a sample of a topic that is sent now."""
         now = time.time_ns()
         is_full = self._listened and self._add(now, index, stamp, *vector, *orientation)
-        # A clock that is set back must not delay samples.
+        # The comparison with 0 keeps a clock that is set back from delaying samples.
         if is_full or not 0 <= now - self._since < _PERIOD:
             self.flush()
 
     def flush(self) -> None:
-        """Publish collected samples, and count the subscribers anew."""
+        """Publish collected samples, and count the subscribers again."""
         if data := self._bundle.flush():
             self._publish(data)
         self._since, self._listened = time.time_ns(), self.listening()
@@ -122,17 +122,17 @@ class BundleSender:
 
 
 RIVALS_PERIOD = 0.1
-"""Interval between looks for who has become a second publisher of a signal, s: samples are refused
-at once, this is for the log."""
+"""Interval between look-ups of a signal's additional publishers for the log, s; samples are
+refused at once."""
 
 LISTENERS_PERIOD = 0.2
-"""Interval between looks for who subscribes to a signal if their number stays the same, s."""
+"""Interval between look-ups of a signal's subscribers while their number is constant, s."""
 
 Value = TypeVar("Value")
 
 
 class Sender:
-    """Sends a signal to other processes, by its own topic only if that has a subscriber.
+    """Sender of a signal to other processes; its own topic is used only if subscribed to.
 
     The loop passes the signal on to nodes in the same process.
 
@@ -157,7 +157,7 @@ class Sender:
         self.offer()
 
     def offer(self) -> None:
-        """Be a publisher of the topic, again after `withdraw`."""
+        """Become a publisher of the topic, also after `withdraw`."""
         self._publisher = self._node.publisher(self._topic)
         self._publish = internals.bytes_publisher(self._publisher)
         self._subscribed = internals.subscriber_count(self._publisher)
@@ -165,7 +165,7 @@ class Sender:
         self._wire.offer()
 
     def withdraw(self) -> None:
-        """Leave the topic to others; nothing may be sent until `offer`."""
+        """Leave the topic to other senders; send nothing until `offer`."""
         self._wire.offer(False)
         self._node.destroy_publisher(self._publisher)
 
@@ -193,7 +193,7 @@ class Sender:
         return self._wire.listeners + subscribed + bundled
 
     def _found_beside(self, subscribed: int, bundled: int) -> int:
-        """Return the number of subscribers without the bundles at the last look-up."""
+        """Return the number of subscribers that do not receive bundles, from the last look-up."""
         now = time.monotonic()
         if (subscribed, bundled) != self._counts or now >= self._look_due:
             self._counts, self._look_due = (subscribed, bundled), now + LISTENERS_PERIOD
@@ -205,7 +205,7 @@ class Sender:
 
 
 class Publishers:
-    """Publishers that a subscription is matched with.
+    """Publishers matched with a subscription.
 
     Attributes
     ----------
@@ -219,7 +219,7 @@ class Publishers:
 
     @property
     def senders(self) -> int:
-        """Number of publishers, also of equal node names.
+        """Number of publishers; nodes of equal names count separately.
 
         The middleware's count takes 0.3 us, a look-up of the nodes' names 45 us.
         """
@@ -227,9 +227,9 @@ class Publishers:
 
 
 class Inbox:
-    """Queue of messages of one topic, which wake no process.
+    """Queue of messages of one topic, whose arrival wakes no process.
 
-    Messages of a signal that the same process sends are not taken, whoever publishes them.
+    If this process sends the signal, no messages of it are read from any publisher.
 
     Parameters
     ----------
@@ -245,11 +245,11 @@ class Inbox:
     subscription : Subscription or None
         None while the signal is sent in this process.
     sole : bool
-        The messages of the last drain come from a single publisher.
+        True if the messages of the last drain come from a single publisher.
     contested : int
         Number of messages that `drain_sole` dropped.
     changed : bool
-        Publishers came or left between the last two drains.
+        True if publishers appeared or left between the last two drains.
     contenders : int
         Number of publishers that may have sent the messages of the last drain; 1 if the signal is
         sent in this process.
@@ -266,7 +266,7 @@ class Inbox:
         self._wire.join(self._connect)
 
     def leave(self) -> None:
-        """Stop taking messages."""
+        """Stop receiving messages."""
         self._wire.leave(self._connect)
         self._unsubscribe()
 
@@ -279,7 +279,7 @@ class Inbox:
     def senders(self) -> int:
         """Number of publishers, as `Publishers` counts them.
 
-        Without a subscription, publishers are counted only now and then: a count takes 8 us.
+        Without a subscription, publishers are counted at intervals only: a count takes 8 us.
         """
         if self.subscription:
             return self._count()
@@ -288,9 +288,9 @@ class Inbox:
         return self._senders
 
     def drain(self, unpack: Callable[[bytes], Value]) -> list[tuple[bytes, int, Value]]:
-        """Return serialised messages, times of reception (system time in ns), and what is in them.
+        """Return serialised messages, reception times (system time, ns), and unpacked values.
 
-        Those that cannot be unpacked are refused.
+        Messages that cannot be unpacked are refused.
         """
         return [
             (data, information["received_timestamp"], value)
@@ -314,7 +314,7 @@ class Inbox:
         return self._judged(unpack_state)
 
     def _connect(self, here: bool) -> None:
-        """Leave the signal to the loop of this process, or subscribe to it."""
+        """Leave the signal to this process's loop if sent here; otherwise subscribe to it."""
         if here:
             self._unsubscribe()
         elif not self.subscription:
@@ -343,8 +343,8 @@ class Inbox:
             publisher = self._publisher
             if not found and self.sole and publisher.current == (count := self._count()):
                 self.changed, self.contenders = False, count
-                return []  # as usual: the middleware's news take three times as long as a count
-            # After taking messages, whose publishers are known by now.
+                return []  # the usual case; reading the middleware's events is slower
+            # Checked after reading messages, whose publishers are known by now.
             numbers = [facts["publication_sequence_number"] for _, facts, _ in found]
             self.sole = publisher.sole(numbers)
             self.changed, self.contenders = publisher.changed, publisher.contenders
@@ -387,7 +387,7 @@ class Requests:
             yield request, partial(self._answer, header=header)
 
     def _next(self) -> tuple[Any, Any]:
-        """Return the next request and its header; None for each if there is none."""
+        """Return the next request and its header, or (None, None)."""
         try:
             return self._take()
         except Exception as error:
@@ -396,7 +396,7 @@ class Requests:
 
 
 class Samples:
-    """Samples of one signal that a `SequenceCheck` admits: in order and in time.
+    """Samples of one signal that a `SequenceCheck` admits, in order and in time.
 
     There are no samples while the signal has several publishers (`Inbox.drain_sole`).
 
@@ -432,10 +432,10 @@ class Samples:
                 if self.sequence.jump:
                     self._jumped(self)
                 yield stamp, vector
-        if self._first:  # the start of the node delayed samples, not the sender
+        if self._first:  # the node's own start delayed these samples, not their sender
             self._first = False
             self.sequence.outdated = 0
 
 
 def ignore(*taken: Any) -> None:
-    """Do nothing with a message or a request: it is taken when there is time."""
+    """Ignore the arrival of a message or request, which the node reads when it has time."""

@@ -24,10 +24,10 @@ def __getattr__(node: str) -> Callable[[], None]:
 def _start(node: str) -> None:
     if not has_ros():
         sys.exit(f"{node} {NEEDS_ROS}")
-    # Libraries take a second to load. Meanwhile a signal ends the node silently, as Python's own
-    # handler would print a traceback. There is nothing to undo.
+    # Libraries take a second to load. Until then a signal ends the node silently: Python's own
+    # handler would print a traceback, and there is nothing to undo.
     signal.signal(signal.SIGINT, lambda *_: os._exit(DONE))
-    # A launch blocks the signal, which thus cannot interrupt Python's start.
+    # A launch starts nodes with this signal blocked, so that it cannot interrupt Python's start.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     try:
         main = main_of(node_module(node))

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A node as its process sees it: end, guarded callbacks, topics, and wires within the process.
+"""Node with supervised end, guarded callbacks, topics, and wires within its process.
 
 Standard output, error and log of a node never wait for a reader.
 """
@@ -42,7 +42,7 @@ from haptic_accel.devices.rclpy_internals import MatchedPublishers, NodeLogger
 
 
 class LossyStream(io.RawIOBase):
-    """Raw stream that drops data if it cannot write them at once: it never waits or fails.
+    """Raw stream that drops data that cannot be written at once; it never waits or fails.
 
     Lines of up to 4096 bytes (PIPE_BUF) are written whole to a pipe, or lost. After a longer line
     that was cut, the next text begins a new line.
@@ -66,13 +66,13 @@ class LossyStream(io.RawIOBase):
         return self._descriptor
 
     def isatty(self) -> bool:
-        """Return whether it is a terminal."""
+        """Return whether the descriptor is a terminal."""
         return os.isatty(self._descriptor)
 
     def write(self, data: Any) -> int:
         """Write without waiting; return the length of all data."""
         text = b"\n" + bytes(data) if self._cut else bytes(data)
-        # EAGAIN: no reading. EPIPE and EIO: no reader or terminal. ENOSPC: a full disk.
+        # EAGAIN: a stalled reader. EPIPE, EIO: no reader or terminal. ENOSPC: a full disk.
         with suppress(OSError):
             self._cut = os.write(self._descriptor, text) < len(text)
         return len(data)
@@ -81,23 +81,23 @@ class LossyStream(io.RawIOBase):
 def unblock_standard_streams() -> None:
     """Write the log of this process without blocking; drop lines without a reader.
 
-    A write blocks once a pipe holds 64 KiB unread, or a terminal stopped by Ctrl-S less. A node
-    behind a stopped or unread supervisor would block and hold the force of its last tick. The C
-    library's streams, by which rclpy logs, drop such output, too; output to a file is not
-    affected.
+    A write blocks once a pipe holds 64 KiB of unread data, or less in a terminal stopped by
+    Ctrl-S. A node whose supervisor is stopped or not read would block and hold the force of its
+    last tick. The C library's streams, by which rclpy logs, drop such output, too; output to a
+    file is not affected.
     """
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         _unblock(descriptor)
         if name == "stdin":
             continue
-        before = getattr(sys, name)  # None where it was closed
+        before = getattr(sys, name)  # None if the stream was closed
         with suppress(OSError, AttributeError):
             before.flush()
         stream = io.TextIOWrapper(
-            cast("Any", LossyStream(descriptor)),  # a raw stream will do
+            cast("Any", LossyStream(descriptor)),  # a raw stream suffices
             encoding=getattr(before, "encoding", "utf-8"),
             errors="backslashreplace",
-            line_buffering=True,  # a line is one write
+            line_buffering=True,  # each line is a single write
         )
         setattr(sys, name, stream)
 
@@ -106,18 +106,19 @@ def _unblock(descriptor: int) -> None:
     try:
         mode = os.fstat(descriptor).st_mode
     except OSError:
-        # A closed descriptor may be reused, such as by a socket, which must not get the log.
+        # A closed descriptor may be reused, e.g. by a socket, which must not receive the log.
         _replace(descriptor, os.open(os.devnull, os.O_RDWR))
         return
     if descriptor == 0 or not (stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISSOCK(mode)):
         return
-    # Opened again: the flag of an inherited description applies to all processes that share it,
-    # such as the shell. O_NOCTTY: the leader of a session would get the terminal's signals.
+    # Open the file again: a flag of an inherited file description applies to all processes that
+    # share it, such as the shell. O_NOCTTY: otherwise a session leader gets the terminal's
+    # signals.
     flags = os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY
     try:
         _replace(descriptor, os.open(f"/proc/self/fd/{descriptor}", flags))
     except OSError:
-        # A socket, or after su another user's; a flag on a terminal would disturb the shell.
+        # A socket, or another user's file after su; a flag on a terminal would disturb the shell.
         if not stat.S_ISCHR(mode):
             os.set_blocking(descriptor, False)
 
@@ -129,7 +130,7 @@ def _replace(descriptor: int, other: int) -> None:
 
 
 DEPTH = 1000
-"""Number of messages kept for a subscriber: what comes in `CATCH_UP` at the highest rates."""
+"""Number of messages kept for a subscriber: those of `CATCH_UP` at the highest rates."""
 
 SENT = 10
 """Number of messages kept by a publisher."""
@@ -163,7 +164,7 @@ Entity = TypeVar("Entity")
 def refused(response: Any, reason: str) -> Any:
     """Return a new response, with the reason of a refusal if its type has a field for reasons.
 
-    By default it is a refusal: fields for success are false.
+    A new response is a refusal by default: fields for success are false.
     """
     for name in REASONS:
         if hasattr(response, name):
@@ -174,7 +175,7 @@ def refused(response: Any, reason: str) -> Any:
 
 
 class CallbackGuard:
-    """Calls the callbacks of one node's services, subscriptions, timers and events.
+    """Guard of the callbacks of one node's services, subscriptions, timers and events.
 
     Exceptions are counted, and the first failure of each kind is logged. A service always answers.
 
@@ -261,10 +262,10 @@ class CallbackGuard:
 
 
 class Wire:
-    """One signal in this process: whether it is sent here, and its receivers.
+    """Connection of one signal to its receivers in this process, if it is sent here.
 
-    A receiver joins with a function of a flag: true if this process sends the signal, false if the
-    signal comes as messages.
+    A receiver joins with a function of a flag, which is true if this process sends the signal, and
+    false if the signal comes as messages.
 
     Examples
     --------
@@ -281,11 +282,11 @@ class Wire:
 
     @property
     def listeners(self) -> int:
-        """Number of receivers to which the signal is passed on here."""
+        """Number of receivers in this process; 0 if it does not send the signal."""
         return len(self._receivers) if self._offered else 0
 
     def join(self, receiver: Callable[[bool], object]) -> None:
-        """Add a receiver, called with whether the signal is sent here."""
+        """Add a receiver; it is called with true if the signal is sent here."""
         self._receivers.append(receiver)
         receiver(self._offered)
 
@@ -294,7 +295,7 @@ class Wire:
         self._receivers.remove(receiver)
 
     def offer(self, offered: bool = True) -> None:
-        """Announce to the receivers that samples come on this wire, or as messages again."""
+        """Notify the receivers that samples come by this wire or, if not offered, as messages."""
         self._offered = offered
         for receiver in self._receivers:
             receiver(offered)
@@ -306,8 +307,8 @@ class Wires:
     Attributes
     ----------
     joined : bool
-        Nodes made from now on share wires; otherwise each node has its own, as in a separate
-        process.
+        True if nodes created from now on share wires; otherwise each node has separate wires, as
+        in a separate process.
     """
 
     def __init__(self) -> None:
@@ -327,9 +328,9 @@ Value = TypeVar("Value")
 
 
 class SupervisedNode(Node):
-    """A node that can end by itself, and be closed, but that no callback can end.
+    """Node that can end by itself or be closed, but cannot be ended by a callback.
 
-    Its topics come from the topic table.
+    The topic table defines the node's topics.
 
     Attributes
     ----------
@@ -339,7 +340,7 @@ class SupervisedNode(Node):
     follows_stop : bool
         True if `follow_stop` is to be called once in `STOP_PERIOD`.
     unserved : set of Subscription
-        Subscriptions that the executor ignores: their messages are taken when needed.
+        Subscriptions that the executor ignores; their messages are read when needed.
     """
 
     polls = False
@@ -357,19 +358,19 @@ class SupervisedNode(Node):
         super().__init__(*args, **kwargs)
         self._node_logger = NodeLogger(self.get_logger().name)
         self.finished: Future = Future()
-        """Its result is set when the node's task is done."""
+        """Future whose result is set when the node's task is done."""
 
     def get_logger(self) -> Any:
         """Return the node's logger; rclpy's own while the node is being made."""
         return self._node_logger or super().get_logger()
 
     def begin(self) -> None:
-        """Get ready for the first `work`, once all nodes of the process are made."""
+        """Prepare for the first call of `work`, once all nodes of the process exist."""
 
     def work(self) -> float:
         """Do the work that is due; return the steady time of the next call, s.
 
-        The node's callbacks run in between, when a message or a request comes.
+        Between calls, the node's callbacks run as messages and requests arrive.
         """
         return math.inf
 
@@ -381,7 +382,7 @@ class SupervisedNode(Node):
             self.finished.set_result(None)
 
     def follow_stop(self) -> None:
-        """Read messages on the emergency stop, and act upon them."""
+        """Process messages on the emergency stop."""
 
     def stop_forces(self) -> None:
         """Execute the emergency stop; do nothing in a node without forces."""
@@ -407,8 +408,8 @@ class SupervisedNode(Node):
     def subscribe_raw(
         self, topic: Topic, callback: Callable[[bytes], None], depth: int = DEPTH
     ) -> Subscription:
-        """Subscribe to a topic's messages as they are serialised."""
-        # Another subscription receives stops from volatile publishers: no warning.
+        """Subscribe to a topic's serialised messages."""
+        # No warning for a latched topic: another subscription receives volatile publishers' stops.
         events = SubscriptionEventCallbacks(use_default_callbacks=not topic.latched)
         return self.create_subscription(
             message_type(topic),
@@ -455,27 +456,27 @@ class SupervisedNode(Node):
         qos_profile: QoSProfile = qos_profile_parameters,
         **given: Any,
     ) -> Service:
-        """Create a service whose requests wait, as do those to the services of parameters.
+        """Create a service with a long queue of requests, like rclpy's parameter services.
 
-        Of usual services ten requests wait, and the older ones get no answer.
+        Usual services queue only ten requests; older ones get no answer.
 
         Parameters
         ----------
         kind
             Type of the service.
         name, callback, qos_profile, **given
-            As for rclpy's own; by default 1000 requests wait.
+            As for rclpy's own; by default 1000 requests are queued.
         """
         return super().create_service(kind, name, callback, qos_profile=qos_profile, **given)
 
     def replace_service(self, kind: type, callback: Callable[..., Any]) -> None:
-        """Serve the requests to rclpy's own services of a type by another callback."""
+        """Replace the callback of rclpy's own services of a type."""
         for service in super().services:  # not yet guarded
             if service.srv_type is kind:
                 service.callback = callback
 
-    # An executor gets all that it serves from these four, including rclpy's own services, so every
-    # callback is guarded.
+    # An executor gets everything that it serves from these four properties, rclpy's own services
+    # included, so every callback is guarded.
 
     @property
     def services(self) -> Iterator[Service]:
@@ -493,7 +494,7 @@ class SupervisedNode(Node):
 
     @property
     def timers(self) -> Iterator[Timer]:
-        """Timers, which wake the executor."""
+        """Timers that wake the executor."""
         return (
             self._guard.guarded(each, f"timer of {each.timer_period_ns / NANOSECONDS:g} s")
             for each in super().timers
@@ -503,7 +504,7 @@ class SupervisedNode(Node):
     def waitables(self) -> Iterator[Waitable]:
         """Events of publishers and subscriptions, which wake the executor.
 
-        The counts of a polled subscription do not: the executor fails for their event once the
+        The events of a polled subscription are excluded: the executor fails for them once the
         subscription is destroyed.
         """
         return (
@@ -519,7 +520,7 @@ class SupervisedNode(Node):
     def _listen(
         self, topic: Topic, unpack: Callable[[bytes], Value], callback: Callable[[Value], None]
     ) -> Subscription:
-        """Subscribe to a topic's messages as they are unpacked."""
+        """Subscribe to a topic's unpacked messages."""
 
         def receive(data: bytes) -> None:
             try:

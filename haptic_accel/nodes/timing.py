@@ -22,47 +22,48 @@ from haptic_accel.core.tick.device_side import FLOWING, IN_TIME
 from haptic_accel.core.tick.histogram import DurationHistogram
 
 FORCES_TIME, RECEIVING_TIME = 60e-6, 50e-6
-"""Time for each device of a process from the beginning of a tick until its forces are written, s,
-and further time for each kind of force that comes as messages: a tick begins so much ahead of the
-grid point at which they are due, as far as `LARGEST_LEAD` allows. Samples are taken as much
-earlier, so that nothing between them and forces changes."""
+"""Time per device of a process from the start of a tick until its forces are written, s, and
+additional time per kind of force received as messages. A tick starts this much before the grid
+point at which the forces are due, within `LARGEST_LEAD`. Samples are taken equally early, so that
+the time from sample to force is unchanged."""
 
 FOUND_AT_ONCE = 0.9
-"""Share of ticks whose messages are there at the first look."""
+"""Fraction of ticks whose messages have arrived at the first poll."""
 
 EARLIEST_LOOK = 0.3e-3
-"""Time of the first look after the grid point until it is known better, s."""
+"""Initial time from the grid point to the first poll, s; adapted later."""
 
 ARRIVAL_STEP = 20e-6
-"""Increase of the time of the first look after one that came too early, s; after others it shrinks
-by a ninth of that, and so settles where `FOUND_AT_ONCE` find all."""
+"""Increase of the time of the first poll after one that was too early, s. After any other poll the
+time falls by a ninth of that, so that it settles where `FOUND_AT_ONCE` of the polls find all
+messages."""
 
 LOOKS = 5
-"""Most looks in a period for what a tick still needs: more would take processor time just when
-there is too little."""
+"""Maximum number of polls per period for missing messages of a tick; more would take processor
+time when it is scarce."""
 
 CATCH_UP = 0.1
-"""Longest time without a tick whose grid points are served afterwards, s; arms let go by then."""
+"""Longest gap whose missed grid points are still served afterwards, s; arms disengage by then."""
 
 BEHIND = 0.3
-"""Longest time from one tick in time to the next, s: a process that needs longer cannot hold the
-rate, and leaves out the grid points that wait rather than stay behind."""
+"""Longest time from one punctual tick to the next, s. A process that needs longer cannot hold the
+rate, and skips the waiting grid points rather than stay late."""
 
 LARGEST_LEAD = 0.2
-"""Largest time that a tick may begin before its grid point, periods."""
+"""Longest time that a tick may start before its grid point, periods."""
 
 CHOICES = ((8000, 8, 1.5), (4000, 4, 1.5), (2000, 2, 2.0), (1000, 1, 0.0), (500, 1, 0.0))
 """Documented rates, Hz, with their frames and, for frames, latencies, ms: docs/real_time.md."""
 
 HELD = 0.6
-"""Largest share of a period for the work of a tick at a rate that is held: the rest is for waking,
-requests, and ticks that take longer than most."""
+"""Largest fraction of a period for the work of a tick at a rate that can be held; the rest is for
+waking, requests, and ticks that take longer than most."""
 
 SHORT = 5_000
-"""Duration of a reading of two clocks up to which they count as read together, ns."""
+"""Longest duration of a reading of two clocks that counts as simultaneous, ns."""
 
 READINGS = 5
-"""Most readings of the clocks, of which the shortest counts."""
+"""Maximum number of readings of the clocks; the shortest one is used."""
 
 SLEEPS, SLEEP = 20, 1e-3
 """Number and length in s of the sleeps that measure the time to wake a thread."""
@@ -84,18 +85,20 @@ class RateKeeper:
     lead : float
         Time by which a tick may begin early, s: the time to wake a thread.
     frame : int
-        Number of grid points that are served together, at the last of them: a whole multiple.
+        Number of grid points served together, at the last of them, whose index is a multiple of
+        `frame`.
 
     Attributes
     ----------
     ticks, late, missed : int
-        Grid points served; those of frames served later than half a frame; those skipped.
+        Number of grid points served; of those served more than half a frame late; of those
+        skipped.
     lateness, work : DurationHistogram
-        Lateness of the frames, and time of their work by grid point.
+        Lateness of the frames, and working time per grid point.
     framed : bool
         True if the devices may be served in frames.
     told : bool
-        True once it was told that the rate is not held.
+        True once a log message has said that the rate is not held.
 
     Examples
     --------
@@ -139,7 +142,7 @@ class RateKeeper:
         return round(tick * self._period)
 
     def due(self) -> int | None:
-        """Return the last grid point of the next frame once, if its time has come."""
+        """Return the last grid point of the next frame once it is due; None before."""
         now = self._clock()
         newest = self._newest(now)
         if newest < self._next:
@@ -163,13 +166,13 @@ class RateKeeper:
         return tick
 
     def done(self) -> None:
-        """Take note of the time that the last frame has taken."""
+        """Record the working time of the last frame."""
         self.work.add((self._clock() - self._begun) / NANOSECONDS / self._frame)
 
     def better(self, age: float = 0.0, latency: int = 1) -> str:
-        """Return arguments of a rate that would be held at the measured time of a tick.
+        """Return the arguments of a rate that the measured time of a tick allows.
 
-        The other arguments and the result are those of `rate_that_holds`.
+        Parameters and result are as for `rate_that_holds`.
         """
         cost, rate = self.work.quantile(0.5), round(1.0 / self.period)
         return rate_that_holds(cost, rate, self._frame, self.framed, age, latency)
@@ -179,7 +182,7 @@ class RateKeeper:
         return math.floor((now + self._lead) / self._period) // self._frame * self._frame
 
     def pop_longest_gap(self, reader: str) -> float:
-        """Return the largest lateness of a tick since a reader's last call, s; 0 at the first."""
+        """Return the largest lateness of a tick since a reader's last call, s; 0 at first."""
         gap, self._gaps[reader] = self._gaps[reader], 0.0
         return gap / NANOSECONDS
 
@@ -187,12 +190,12 @@ class RateKeeper:
 def rate_that_holds(
     cost: float, rate: float, frame: int, framed: bool, age: float = 0.0, latency: int = 1
 ) -> str:
-    """Return the arguments of the highest documented rate that is held; empty if none is.
+    """Return the arguments of the highest documented rate that can be held; empty if none can.
 
     Parameters
     ----------
     cost : float
-        Time of the work of a tick, s.
+        Working time of a tick, s.
     rate, frame : float, int
         Rate that is not held, Hz, and its frame.
     framed : bool
@@ -219,9 +222,9 @@ def rate_that_holds(
 
 
 class ArrivalKeeper:
-    """Looks for each tick's messages at their expected time, and again until they come.
+    """Schedule of polls for a tick's messages: at their expected time, and until they arrive.
 
-    Sleeping until then takes half the processor time of waking at each message.
+    Sleeping until the expected time takes half the processor time of waking at each message.
 
     Parameters
     ----------
@@ -241,7 +244,7 @@ class ArrivalKeeper:
         self._first = True
 
     def polled(self, *, found: bool) -> float:
-        """Return the steady time of the next look, s; the last look found all or not."""
+        """Return the steady time of the next poll, s; `found`: the last one found all."""
         now = self._clock()
         if found:
             self._found = now
@@ -294,13 +297,13 @@ LONGEST_RUN = 1_000_000
 (with SIGXCPU): a fault in a node must not block the machine."""
 
 RECORDING_PRIORITY, FORCE_PRIORITY, FELT_PRIORITY = 30, 40, 41
-"""Real-time priorities, below the kernel's own threads at 50. Nodes that make forces have the
-same, so that none interrupts another, but for the compensator: it may interrupt the others, whose
-work for a tick can wait, for its force is due at the next. The recorder, which delays none of
-them, must not wait for ordinary programs: messages would be lost."""
+"""Real-time priorities, below the kernel's own threads at 50. Nodes that compute forces share one
+priority, so that none interrupts another. Only the compensator may interrupt the others: its force
+is due at the next tick, while their work can wait. The recorder delays no force, but must not wait
+for ordinary programs, as messages would be lost."""
 
 PR_SET_TIMERSLACK = 29
-"""From linux/prctl.h."""
+"""Option of prctl that sets the timer slack (linux/prctl.h)."""
 
 
 def sharpen_timers() -> None:
@@ -324,7 +327,7 @@ def ask_for_realtime(priority: int = FORCE_PRIORITY) -> bool:
     if os.environ.get(REALTIME) == "no" or not hasattr(os, "sched_setscheduler"):
         return False
     try:
-        if priority >= FORCE_PRIORITY:  # the recorder may write to a slow disk for longer
+        if priority >= FORCE_PRIORITY:  # not the recorder, which may wait for a slow disk
             resource.setrlimit(resource.RLIMIT_RTTIME, (LONGEST_RUN, 2 * LONGEST_RUN))
         schedule(os.SCHED_FIFO, priority)
     except OSError:
@@ -335,11 +338,11 @@ def ask_for_realtime(priority: int = FORCE_PRIORITY) -> bool:
 def schedule(policy: int, priority: int) -> None:
     """Give every thread of this process a scheduling policy and a priority.
 
-    Threads that a library made real-time itself, as JACK's of its client, stay as they are.
+    Threads that a library has made real-time itself, such as JACK's, are not changed.
     """
     own = 0, RECORDING_PRIORITY, FORCE_PRIORITY, FELT_PRIORITY
     for thread in map(int, os.listdir("/proc/self/task")):
-        with suppress(ProcessLookupError):  # one that has just ended
+        with suppress(ProcessLookupError):  # the thread has just ended
             if os.sched_getparam(thread).sched_priority in own:
                 os.sched_setscheduler(thread, policy, os.sched_param(priority))
 

@@ -1,9 +1,9 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Templates, style sheets and scripts of the pages that are written or served.
+"""Templates, style sheets and scripts of written and served pages.
 
-uPlot (MIT) draws the plots, and is included because a page must not need the network.
+uPlot (MIT) draws the plots; it is included because a page must not need the network.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ import jinja2
 _FOLDER = Path(__file__).parent
 
 _IMPORT = re.compile(r'^import (?:{[^}]*} from )?"\./(.+)";\n', re.MULTILINE)
-"""An import of a module in ``assets``."""
+"""Pattern of an import of a module in ``assets``."""
 
 _EXPORT = re.compile(r"^export (?=async|class|const|function|let)", re.MULTILINE)
 
 
 def asset(name: str) -> str:
-    """Return a script or style sheet of the folder ``assets``, to be put into a page."""
+    """Return a script or style sheet from the folder ``assets``, for insertion into a page."""
     return (_FOLDER / "assets" / name).read_text(encoding="utf-8")
 
 
@@ -56,7 +56,7 @@ def script(name: str) -> str:
 def template(name: str) -> jinja2.Template:
     """Return the template of a page; values are escaped unless marked as safe.
 
-    The filter ``link`` makes an address of the name of a file beside the page.
+    The filter ``link`` converts the name of a file in the page's folder to an address.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def template(name: str) -> jinja2.Template:
         lstrip_blocks=True,
     )
     environment.globals |= {"asset": asset, "script": script}
-    # Autoescape leaves # and %, which mean something else in an address.
+    # Autoescape keeps # and %, which have another meaning in an address.
     environment.filters["link"] = lambda name: quote(os.fsencode(name))
     return environment.get_template(name)
 

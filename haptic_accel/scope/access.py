@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 from haptic_accel.core.parameters import ParameterError
 
 TOKEN_BYTES = 18
-"""Random bytes of a generated token, which has 24 letters."""
+"""Number of random bytes of a generated token, which has 24 letters."""
 
 TOKEN_VARIABLE = "HAPTIC_ACCEL_SCOPE_TOKEN"
 """Environment variable with the token to use. Other users could see an argument or a parameter,
@@ -46,7 +46,7 @@ class Access:
 
     def __init__(self, host: str, token: str = "") -> None:
         if token and not is_token(token):
-            # Its value is a secret.
+            # The message must not contain the value, which is a secret.
             raise ParameterError(f"{TOKEN_VARIABLE}: must consist of {TOKEN_LETTERS}")
         self.local = is_loopback(host)
         self.token = token or ("" if self.local else secrets.token_urlsafe(TOKEN_BYTES))

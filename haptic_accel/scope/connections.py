@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Connections of a page's server: strangers' apart from those with access to the page."""
+"""Connections of a page's server, separated into strangers' and those with access to the page."""
 
 from __future__ import annotations
 
@@ -19,35 +19,36 @@ from typing import Any
 from aiohttp import web
 
 MOST_CONNECTIONS = 256
-"""Connections of strangers, and again of others without a page open at the same time. Both are
-far below a process' usual limit of 1024 open files, and far above the 64 of `server.MOST_CLIENTS`
-browsers, which open up to seven each."""
+"""Maximum number of simultaneous connections of strangers, and likewise of those with access but
+without an open page. Both are far below a process's usual limit of 1024 open files, and far above
+the 64 of `server.MOST_CLIENTS` browsers, which open up to seven each."""
 
 STRANGER_TIME, TURNS = 1.0, 50
-"""Time that a connection may stay without a whole request, s: a request that a browser sends is
-complete in one or two packets, and a packet that is lost once comes 0.2 s later. Number of parts
-in which it is counted: all that has come is read between two of them, and a stall of the server,
-however long, counts as one."""
+"""Longest time that a connection may lack a complete request, s: a browser's request has one or
+two packets, and a packet that is lost once comes 0.2 s later. Number of parts in which the time is
+counted: all received data are read between two parts, and a stall of the server, however long,
+counts as one part."""
 
 BUSY, BREAK = 0.6, 0.01
-"""Part of a core from which on a thread rests, and for how long, s. The kernel suspends real-time
-processes that take all of a core, and with them those that make forces on it (sched(7),
-sched_rt_runtime_us)."""
+"""Fraction of a core above which a thread rests, and length of the rest, s. The kernel suspends
+real-time processes that use a whole core, together with those that compute forces on that core
+(sched(7), sched_rt_runtime_us)."""
 
 LONGEST_HEADER = 2**14
-"""Most bytes of a stranger's request that are kept: twice aiohttp's limit for a header's field."""
+"""Maximum number of bytes stored of a stranger's request: twice aiohttp's limit for a header
+field."""
 
 QUEUE = 4096
-"""Connections that the system holds until they are accepted, its default limit; in a shorter queue
-a connection is lost beside a flood of others, and comes again a second later."""
+"""Number of connections that the system queues until they are accepted, its default limit. With a
+shorter queue, a flood of connections would delay others by a second, until their next attempt."""
 
 ACCEPTED_AT_ONCE = 32
-"""Connections accepted before all others are served again. A request with access is read four
-turns later, thus before `MOST_CONNECTIONS` others have come."""
+"""Number of connections accepted before all others are served again. A request with access is read
+four turns later, thus before `MOST_CONNECTIONS` others arrive."""
 
 
 OTHERS_AT_ONCE = 2
-"""First requests, other than stops, that are passed on in a turn: each costs as much as ten
+"""Number of first requests, other than stops, passed on per turn: each costs as much as ten
 accepted connections."""
 
 COMMAND = b"POST /command "
@@ -57,17 +58,17 @@ STOP = {"action": "estop", "value": True}
 """Command that is passed on before all other requests."""
 
 LENGTH_OF_BODY = re.compile(rb"\r\ncontent-length: *(\d{1,5}) *(?:\r\n|$)", re.IGNORECASE)
-"""Field of a header: a body longer than `LONGEST_HEADER` is not waited for (RFC 9110, 8.6)."""
+"""Pattern of the length field of a header (RFC 9110, 8.6)."""
 
 Pass = Callable[[], None]
 
 
 class Connections:
-    """Connections of a server, of which strangers can take no resource from others.
+    """Connections of a server, in which strangers cannot use up the resources of others.
 
-    A connection is a stranger's until `admit` is called for it. Of too many, the oldest is closed;
-    none is refused, because nobody knows yet whose it is. With a token, a header without it is
-    answered here, which costs a small part of what a request costs.
+    A connection is a stranger's until `admit` is called for it. If there are too many, the oldest
+    is closed; none is refused, because its owner is not known yet. If a token is needed, headers
+    without it are answered here, at a small part of the cost of a request.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ class Connections:
     token : str
         Token without which a header is refused; empty if none is needed.
     refusal : bytes
-        Answer to such a header: status, fields and body.
+        Answer to a refused header: status, fields and body.
 
     Attributes
     ----------
@@ -88,7 +89,7 @@ class Connections:
         self.server, self.refusal, self.token = server, refusal, token.encode()
         self.strangers: dict[asyncio.Transport, float] = {}
         self._admitted: dict[asyncio.Transport, float] = {}
-        # More than strangers have connections would be of connections closed already.
+        # Any more would belong to connections that are already closed.
         self._waiting = deque[Pass](maxlen=MOST_CONNECTIONS)
 
     async def listen(self, host: str, port: int) -> asyncio.Server:
@@ -100,7 +101,7 @@ class Connections:
             The address is not available.
         """
         loop = asyncio.get_running_loop()
-        # asyncio accepts as many connections at once as the system holds.
+        # asyncio accepts as many connections at once as the system's queue holds.
         listener = await loop.create_server(
             lambda: _Stranger(self), host, port, backlog=ACCEPTED_AT_ONCE
         )
@@ -122,7 +123,7 @@ class Connections:
             _add(self._admitted, transport)
 
     def keep(self, transport: asyncio.Transport | None) -> None:
-        """Keep a connection with access however many others come."""
+        """Keep a connection with access open, however many others arrive."""
         if transport:
             self._admitted.pop(transport, None)
 
@@ -133,9 +134,9 @@ class Connections:
             transport.abort()
 
     def enter(self, transport: asyncio.Transport, command: bytes, passes: Pass) -> None:
-        """Pass a stop on at once, and other requests by turns; what takes time now is the server.
+        """Pass a stop to the server at once, and other requests in turns.
 
-        The latest is first, whose sender is the most likely to wait still.
+        The latest request is first, because its sender is most likely still waiting.
         """
         if transport in self.strangers:
             self.strangers[transport] = -math.inf
@@ -153,9 +154,9 @@ class Connections:
             asyncio.get_running_loop().call_soon(self._pass_others)
 
     def awaits(self, header: bytes, body: bytes) -> bool:
-        """Return true for a stranger's command of which a part of the body is still to come.
+        """Return true for a stranger's command whose body is incomplete.
 
-        Here it costs a small part of what it costs in the server. Who has shown the token is no
+        Waiting here costs much less than in the server. A client that has sent the token is no
         stranger.
         """
         if self.token or not header.startswith(COMMAND):
@@ -164,7 +165,7 @@ class Connections:
         return length is not None and len(body) < int(length[1])
 
     async def _count_time(self) -> None:
-        """Close the connections of strangers whose time is over, and rest between if busy."""
+        """Close the connections of strangers whose time is over; rest in between if busy."""
         rest = Rest()
         while True:
             await asyncio.sleep(STRANGER_TIME / TURNS)
@@ -176,13 +177,13 @@ class Connections:
 
 
 class Rest:
-    """Rest of the calling thread if it is real-time and its process takes too much of a core."""
+    """Pause of the calling thread if it is real-time and its process uses too much of a core."""
 
     def __init__(self) -> None:
         self._begun, self._used = time.monotonic(), time.process_time()
 
     def __call__(self) -> None:
-        """Sleep if the process was busy since the last call; call it ever again."""
+        """Sleep if the process was busy since the last call; call it regularly."""
         passed, used = time.monotonic() - self._begun, time.process_time() - self._used
         if passed >= BREAK:
             urgent = hasattr(os, "sched_getscheduler") and os.sched_getscheduler(0)
@@ -191,7 +192,7 @@ class Rest:
 
 
 class _Stranger(asyncio.Protocol):
-    """New connection, until its first header is complete."""
+    """Protocol of a new connection, until its first header is complete."""
 
     def __init__(self, connections: Connections) -> None:
         self._connections = connections
@@ -204,7 +205,7 @@ class _Stranger(asyncio.Protocol):
         self._connections.meet(transport)
 
     def data_received(self, data: bytes) -> None:
-        """Pass a complete header, and what follows it, to the server, or refuse it."""
+        """Pass a complete header, with the data after it, to the server, or refuse it."""
         self._header += data
         header, end, body = self._header.partition(b"\r\n\r\n")
         if not end and len(self._header) <= LONGEST_HEADER:
@@ -221,7 +222,7 @@ class _Stranger(asyncio.Protocol):
         self._connections.enter(self._transport, command, self._pass)
 
     def _pass(self) -> None:
-        """Let the server have the connection, unless it was closed meanwhile."""
+        """Pass the connection to the server, unless it was closed meanwhile."""
         if self._transport.is_closing():
             return
         handler = self._connections.server()

@@ -8,8 +8,8 @@ the newest sample in s at creation of the frame (float32; negative if stamped in
 steady time of creation in s (float64), origin in s since 1970 (float64), then for each trace the
 times after the origin in s and the values (float32 each). A frame of plots: kind, number of points
 of the spectra, number of points of the cloud (uint32 each), then frequency, desired and actual of
-the spectra, desired and actual of the cloud (float32 each). A frame of places: kind (uint32), then
-x and z of each of `PLACES` (float32, NaN for unknown).
+the spectra, desired and actual of the cloud (float32 each). A frame of positions: kind (uint32),
+then x and z of each of `PLACES` (float32, NaN for unknown).
 """
 
 from __future__ import annotations
@@ -33,28 +33,28 @@ ALWAYS = ("desired", "actual", "force", "travel")
 """Signals that every page receives: m/s^2, m/s^2, N, m."""
 
 CHOSEN = ("arm_force", "position")
-"""Signals that a page receives if it asks for them, N and m: each costs the nodes a subscriber."""
+"""Signals that a page receives on request, N and m; each adds a subscriber to the nodes."""
 
 TRACES = (*ALWAYS, *CHOSEN)
 """Signals of a frame of samples, in this order."""
 
 SCENE = "scene"
-"""Name by which a page asks for the frames of places."""
+"""Name by which a page requests the frames of positions (`PLACES`)."""
 
 SOUND = "sound"
-"""Name by which a page that plays sound asks for frames more often."""
+"""Name by which a page that plays sound requests a higher frame rate."""
 
 AXES = {f"axis_{name}": name for name in NAMES}
-"""Names by which a page asks for the signals along an axis; by default the actuator's."""
+"""Names by which a page requests the signals along an axis; default: the actuator's axis."""
 
 ON_DEMAND = (*CHOSEN, SCENE, SOUND, *AXES)
 """Requests that a page may make."""
 
 PLACES = ("tool", "tool_velocity", "handle", "contact_force")
-"""Vectors of a frame of places: m, m/s, m, N; the tool's in the slave's base frame."""
+"""Vectors of a frame of positions: m, m/s, m, N; the tool's in the slave's base frame."""
 
 EVERYTHING = frozenset((*TRACES, *ON_DEMAND, *PLACES))
-"""Signals, requests and places of a page that hides nothing."""
+"""Signals, requests and positions of a page without restrictions."""
 
 _SAMPLES_HEADER = struct.Struct("<8Ifdd")
 _PLOTS_HEADER = struct.Struct("<3I")
@@ -101,7 +101,7 @@ class Cursor:
         self._placed = b""
 
     def places(self) -> bytes | None:
-        """Return the latest positions; None if not shown, or unchanged since the last call."""
+        """Return the frame of the latest positions; None if not shown, or unchanged since then."""
         places = self._windows.places.items()
         admitted = {name: place for name, place in places if name in self._admitted}
         before, self._placed = self._placed, places_frame(admitted)
@@ -110,7 +110,7 @@ class Cursor:
     def frame(self) -> bytes | None:
         """Return samples since the last frame, at most the longest window; None if empty.
 
-        After a change of the axis, all of the longest window are new.
+        After a change of the axis, all samples of the longest window are returned.
         """
         before, self._sending = self._sending, self.windows
         if self._sending is not before:

@@ -19,8 +19,8 @@ from haptic_accel.core.tick.device_side import LATE_TIME
 from haptic_accel.scope.windows import Windows, paired
 
 MARGIN = 0.25
-"""Time before and behind an interval that is filtered with it, s: a period of the filter's corner
-frequency (5 Hz), so that a short interval holds no rest of the hand's motion."""
+"""Time before and after an interval that is filtered together with it, s: a period of the filter's
+corner frequency (5 Hz), to remove the hand's motion from short intervals, too."""
 
 AT_LIMIT = 0.999
 """Fraction of the peak force from which a force counts as limited."""
@@ -28,18 +28,18 @@ AT_LIMIT = 0.999
 
 @dataclass(frozen=True)
 class IntervalMeasures:
-    """Measures of an interval; for several axes, of the vectors' lengths.
+    """Measures of the signals in an interval; for several axes, of the vectors' magnitudes.
 
     Attributes
     ----------
     begin, end : int
-        System time of its first and last sample, ns.
+        System times of the first and last sample, ns.
     rms, peak : float
-        Of the handle's acceleration without hand motion, m/s^2.
+        RMS and peak of the handle's acceleration without hand motion, m/s^2.
     desired_rms : float
         RMS of the desired acceleration, m/s^2.
     error : float or None
-        NRMSE, with the handle later by latency and granted delay, %; None below `LEAST_DESIRED`.
+        NRMSE, with the handle shifted by latency and granted delay, %; None below `LEAST_DESIRED`.
     clipped, lost : float
         Shares of forces at the limit of a coil, and of missing samples, %.
     """
@@ -60,7 +60,7 @@ def measure(windows: Windows, begin: int, end: int, rate: float) -> IntervalMeas
     Parameters
     ----------
     windows : Windows
-        Signals that reach from `MARGIN` before the interval to `MARGIN` behind it.
+        Signals from `MARGIN` before the interval to `MARGIN` after it.
     begin, end : int
         System times, ns.
     rate : float
@@ -118,7 +118,7 @@ def late_percent(before: Mapping[str, str], after: Mapping[str, str], rate: floa
     Parameters
     ----------
     before, after : mapping
-        Counts of a device by their names in diagnostics.
+        Counts of a device, by their names in diagnostics.
     rate : float
         Samples per second.
 

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Virtual rig whose hand a page leads, in step with the clock, without ROS."""
+"""Virtual rig in real time, whose hand a page leads, without ROS."""
 
 from __future__ import annotations
 
@@ -30,22 +30,23 @@ from haptic_accel.setup.files import POSTURE, SURFACE
 from haptic_accel.setup.setup import Parameters, Setup
 
 PAUSE = 4e-3
-"""Pause between two groups of ticks, s: a quarter of a picture, so that waking costs little."""
+"""Pause between two groups of ticks, s: a quarter of a display frame, so that waking costs
+little."""
 
 LONGEST_BEHIND = 0.1
-"""Longest time without a tick whose ticks are made up for, s; a longer one is left out, so that a
+"""Longest gap whose missed ticks are computed afterwards, s; longer gaps are skipped, so that a
 slow or suspended machine shows the present."""
 
 REPORT_PERIOD = 1.0
 """Interval between two reports of the parts, s, as nodes send them."""
 
 STROKE, STROKE_RATE, STROKE_HEIGHT = 0.05, 0.4, -0.004
-"""Amplitude, m, rate, Hz, and height, m, of the hand's strokes until a page leads it. They are
-below the surface, so that the tool presses on it."""
+"""Amplitude, m, rate, Hz, and height, m, of the hand's strokes until a page leads the hand. The
+strokes are below the surface, so that the tool presses on it."""
 
 
 class _Asked(NamedTuple):
-    """Action to be carried out between two ticks, and where its line or refusal goes."""
+    """Action to be executed between two ticks, and the receiver of its result or refusal."""
 
     action: str
     value: str
@@ -53,11 +54,11 @@ class _Asked(NamedTuple):
 
 
 class PacedRig:
-    """Both sides of the virtual rig with coupling and compensation, paced by the clock.
+    """Both sides of the virtual rig with coupling and compensation, in real time.
 
-    It is the loop of lockstep, whose ticks follow the clock in groups. The simulated world waits
-    for its loop, so that no force is late. Signals go to `windows`; the server's thread asks for
-    the rest.
+    The lockstep loop runs here in groups of ticks that follow the clock. The simulation waits for
+    the loop, so that no force is late. Signals go to `windows`; the server's thread requests the
+    rest.
 
     Parameters
     ----------
@@ -155,7 +156,7 @@ class PacedRig:
         return ""
 
     async def act(self, action: str, value: Any) -> str:
-        """Carry out a command of a page between two ticks; return one line.
+        """Execute a command of a page between two ticks; return one line.
 
         Raises
         ------
@@ -174,7 +175,7 @@ class PacedRig:
     # The loop
 
     def run(self, stopped: Callable[[], bool]) -> None:
-        """Follow the clock until told to stop."""
+        """Run in real time until `stopped` returns true."""
         begun = time.monotonic()
         origin = time.time_ns()
         while not stopped():
@@ -196,7 +197,7 @@ class PacedRig:
             time.sleep(PAUSE)
 
     def _follow_hand(self) -> None:
-        """Pass on the point that a page has sent, or one of the strokes before the first."""
+        """Lead the hand to the latest point of a page or, before any, along the strokes."""
         if not self._is_led:
             phase = 2 * math.pi * STROKE_RATE * self._tick / self._rate
             self._master.point((STROKE * math.sin(phase), 0.0, STROKE_HEIGHT))
@@ -229,7 +230,7 @@ class PacedRig:
                 each.force.put(origin + felt.stamp, felt.actuator_force[index])
 
     def _carry_out(self) -> None:
-        """Carry out what pages have asked for."""
+        """Execute the actions that pages have requested."""
         while True:
             try:
                 action, value, answer = self._asked.get_nowait()
@@ -267,12 +268,12 @@ class PacedRig:
         self._values["master_device"][POSTURE] = posture
 
     def _report(self, now: float) -> None:
-        """Report as the nodes of a graph do."""
+        """Report diagnostics as the nodes of a graph do."""
         if now < self._reported + REPORT_PERIOD:
             return
         self._reported = now
         if (name := self._compensation.controller) != self._values["compensator"]["controller"]:
-            self._set_controller(name)  # it has failed
+            self._set_controller(name)  # the controller has failed
         engaged = self._loop.coupling is not None and self._loop.coupling.engagement.engaged
         coupler = {"engaged": str(bool(engaged)).lower()}
         warning, values = self._compensation.diagnostics()
@@ -288,7 +289,7 @@ class PacedRig:
 
 
 def _slave(setup: Parameters) -> SimulatedSlaveParameters:
-    """Return the simulated slave's parameters among those of a graph."""
+    """Return the simulated slave's parameters of a graph."""
     _, devices = setup.node("slave_device")
     found: SimulatedSlaveParameters = devices[SIMULATED]
     return found

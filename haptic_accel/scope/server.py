@@ -36,43 +36,43 @@ from haptic_accel.scope.frames import EVERYTHING, ON_DEMAND, SCENE, SOUND, Curso
 from haptic_accel.scope.windows import Windows, live_rate
 
 FRAME_RATE = 60.0
-"""Most frames of samples per second: the refresh rate of most screens, Hz."""
+"""Highest rate of frames of samples, Hz: the refresh rate of most screens."""
 
 SOUND_RATE = 120.0
-"""Most frames per second to a page with sound, Hz."""
+"""Highest rate of frames to a page with sound, Hz."""
 
 METRICS_PERIOD = 0.2
 """Interval between updates of metrics and states, s: as fast as numbers can be read."""
 
 MOST_CLIENTS = 8
-"""Pages served at the same time; each costs some percent of a core."""
+"""Maximum number of pages served simultaneously; each costs some percent of a core."""
 
 HEARTBEAT = 10.0
-"""Interval at which a page is pinged, s; a page without an answer in half that time is dropped."""
+"""Interval of pings to a page, s; a page that does not answer in half that time is dropped."""
 
 LONGEST_COMMAND = 4096
-"""Largest size of a command and of a WebSocket message, bytes."""
+"""Maximum size of a command and of a WebSocket message, bytes."""
 
 REQUEST_TIME = 10.0
-"""Time that a connection with access has for the headers of its next request, and again for a
-body, s: ample for a slow network, and short for a connection that sends nothing."""
+"""Time-out of a connection with access for the headers of its next request, and likewise for the
+body, s: enough for a slow network, and short for an idle connection."""
 
 GARBAGE_PERIOD = 10.0
-"""Interval between garbage collections, s. Nodes disable collection, as pauses disturb forces;
-here requests leave reference cycles, and pauses are harmless."""
+"""Interval between garbage collections, s. Nodes disable collection because pauses disturb forces;
+in this server requests leave reference cycles, and pauses are harmless."""
 
 STOPPING_TIME = 2.0
-"""Time that pages have to close their connections, s."""
+"""Time-out for pages to close their connections, s."""
 
 STARTING_TIME = 10.0
-"""Time that binding the address may take, s."""
+"""Time-out for binding the address, s."""
 
 POLICY = (
     "default-src 'none'; script-src 'self'{script}; style-src 'self'{style}; connect-src 'self'; "
     "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""Content-Security-Policy: nothing from other servers, no embedding in another's page, and inline
-only what a page is served with."""
+"""Content-Security-Policy: no content from other servers, no embedding in other pages, and no
+inline scripts or styles except those that the page is served with."""
 
 HEADERS = {
     "Content-Security-Policy": POLICY.format(script="", style=""),
@@ -84,19 +84,19 @@ HEADERS = {
 }
 
 _HALF_ESCAPE = re.compile("%(?![0-9A-Fa-f]{2})")
-"""A percent sign in an address that encodes nothing."""
+"""Pattern of a percent sign in an address that encodes nothing."""
 
 _LOG = logging.getLogger(__name__)
 
 LEAD_TIME = 1.0
-"""Time without a point after which another page may lead the hand, s; a leading page sends a point
-per picture."""
+"""Time without a point after which another page may lead the hand, s; a leading page sends one
+point per display frame."""
 
 FARTHEST = 10.0
 """Largest coordinate of a point, m: beyond any arm's reach."""
 
 FAILURE = "the scope failed to serve this page; its log says why"
-"""Reason for which a page is disconnected, or a request is not answered."""
+"""Reason shown when a page is disconnected or a request is not answered."""
 
 NO_TOKEN = "token: open the address that the scope printed when it started"
 
@@ -112,7 +112,7 @@ class PageKind:
     admitted : frozenset of str
         Part of `frames.EVERYTHING` that the page may receive.
     metrics : bool
-        False for a page that receives the rate of the samples alone.
+        False for a page that receives, of the metrics, only the sampling rate.
     period : float
         Interval between states, s.
     """
@@ -125,11 +125,11 @@ class PageKind:
 PAGES = {
     "scope": PageKind(),
     "bring_up": PageKind(),
-    # A participant must not learn what is compared: no tool, no desired acceleration, no error.
+    # A participant must not see what is compared: no tool, desired acceleration or error.
     "study": PageKind(
         frozenset({"actual", "handle", SOUND, SCENE}),
         metrics=False,
-        period=0.05,  # so that the screen of a stimulus appears with it
+        period=0.05,  # so that a stimulus and its screen appear together
     ),
 }
 """Kinds of pages by the names of their templates and scripts."""
@@ -169,7 +169,7 @@ class Touched(Protocol):
         """Return the touchable scene, ready for JSON, or raise ParameterError."""
 
     def lead(self, x: float, z: float) -> str:
-        """Lead the simulated hand to a point, m; return a one-line refusal, or nothing."""
+        """Lead the simulated hand to a point, m; return the reason if refused."""
 
 
 class Source(Touched, Protocol):
@@ -185,7 +185,7 @@ class Source(Touched, Protocol):
 Page = web.WebSocketResponse
 
 Act = Callable[[str, Any], Awaitable[str]]
-"""Function that carries out an action with a value; returns a line, or raises CommandError."""
+"""Function that executes an action with a value; returns a line, or raises CommandError."""
 
 
 @dataclass
@@ -218,11 +218,11 @@ class ScopeServer:
     port : int
         Port to listen on; 0 for any free port.
     act : callable, optional
-        Carries out commands; without it the scope is read-only, and leads no hand.
+        Executes commands; without it the page is read-only, and cannot lead the hand.
     page : str
         One of `PAGES`.
     texts : mapping, optional
-        Words of a page in several languages, by name.
+        Texts of a page, by name, for pages in several languages.
 
     Attributes
     ----------
@@ -304,14 +304,14 @@ class ScopeServer:
         application.router.add_get("/scene", self._scene)
         application.router.add_get("/live", self._live)
         application.router.add_post("/command", self._command)
-        # Signals are handled by the node; requests are few and not logged.
+        # The node handles signals; requests are few and not logged.
         runner = web.AppRunner(
             application,
             handle_signals=False,
             access_log=None,
             logger=_LOG,
             keepalive_timeout=REQUEST_TIME,
-            auto_decompress=False,  # a short command may decompress to a long one
+            auto_decompress=False,  # a short compressed command may be long
             shutdown_timeout=STOPPING_TIME,
         )
         await runner.setup()
@@ -339,7 +339,7 @@ class ScopeServer:
         """Refuse requests without access, and add the headers to every answer."""
         try:
             response = self._refusal(request)
-            if response is None:  # not by truth: up to aiohttp 3.9, a response is false
+            if response is None:  # explicit: up to aiohttp 3.9, a response is false
                 self._connections.admit(request.transport)
                 response = await handler(request)
             elif response.status != 303:
@@ -354,7 +354,7 @@ class ScopeServer:
             response = _message(500, FAILURE)
         if not response.prepared:
             response.headers.update({**HEADERS, **response.headers})
-            if not self._access.token:  # whoever comes here again waits with all others
+            if not self._access.token:  # the client's next connection counts as a stranger's
                 response.force_close()
         return response
 
@@ -370,14 +370,15 @@ class ScopeServer:
             return _text(403, "Origin: must be this page's own")
         if not self._access.token:
             return None
-        # Browsers keep one set of cookies for all ports of a host.
+        # The name has the port, as browsers keep one set of cookies for all ports of a host.
         cookie = f"haptic_accel_scope_{urlsplit(f'//{host}').port or 80}"
         query = request.query.get("token")
         bearer = request.headers.get("Authorization", "").removeprefix("Bearer ")
         if not all(map(is_token, filter(None, (query, bearer)))):
             return _text(400, f"token: must consist of {TOKEN_LETTERS}")
         if request.path == "/" and query is not None and self._access.admits_token(query):
-            # An address is visible and is kept in the browser's history.
+            # Remove the token from the address, which is visible and stays in the browser's
+            # history.
             response = web.Response(status=303, headers={"Location": "/"})
             response.set_cookie(cookie, query, httponly=True, samesite="Lax", path="/")
             return response
@@ -397,7 +398,7 @@ class ScopeServer:
             return _message(503, str(error))
 
     async def _command(self, request: web.Request) -> web.Response:
-        """Carry out a command: a JSON object with an action and, if needed, a value."""
+        """Execute a command: a JSON object with an action and, if needed, a value."""
         if self._act is None:
             return _message(403, READ_ONLY)
         # A foreign page's form cannot send this type without a preflight request.
@@ -406,7 +407,7 @@ class ScopeServer:
         command = parsed(await _body(request))
         if not isinstance(command, dict) or not isinstance(command.get("action"), str):
             return _message(400, "command: must be a JSON object with an action")
-        if command == STOP:  # however many others come while the devices are asked
+        if command == STOP:  # complete the stop even while other connections arrive
             self._connections.keep(request.transport)
         value = command.get("value")
         if not isinstance(value, str | bool | None):
@@ -420,9 +421,9 @@ class ScopeServer:
         """Send frames until the page disconnects."""
         if len(self._clients) >= MOST_CLIENTS:
             return _text(503, f"{MOST_CLIENTS} pages are open already, no more are served")
-        # Not compressed: float32 noise hardly shrinks, and compression costs processor time.
+        # No compression: float32 noise hardly shrinks, and compression costs processor time.
         page = Page(heartbeat=HEARTBEAT, compress=False, max_msg_size=LONGEST_COMMAND)
-        # Before anything is awaited, as others come meanwhile.
+        # Register before any await, because other pages may connect meanwhile.
         self._clients[page] = Cursor(self._source.windows, self._kind.admitted)
         try:
             return await self._show(page, request)
@@ -445,7 +446,7 @@ class ScopeServer:
                 task.cancel()
             self._lead(page, None)
         for error in await asyncio.gather(*tasks, return_exceptions=True):
-            # With or without a ConnectionError, the page has disconnected.
+            # A ConnectionError, or no error, means that the page has disconnected.
             if isinstance(error, Exception) and not isinstance(error, ConnectionError):
                 self._note_failure("page", error)
                 # The page shows the failure, and reconnects.
@@ -466,7 +467,7 @@ class ScopeServer:
                 return
 
     def _lead(self, page: Page, point: list[float] | None) -> str:
-        """Lead the hand for a page, or release it; return a refusal, or nothing."""
+        """Lead the hand for a page, or release the hand; return the reason if refused."""
         now = asyncio.get_running_loop().time()
         leader, until = self._leader
         if leader not in (None, page) and now < until:
@@ -480,10 +481,10 @@ class ScopeServer:
         return refusal
 
     async def _send(self, page: Page, cursor: Cursor) -> None:
-        """Send new data, no more often than the screen or the sound needs.
+        """Send new data at most at the rate that screen or sound needs.
 
-        Only this task waits for a slow page: no frames are made meanwhile, so that nothing queues
-        up, and the next frame has the newest samples.
+        Only this task waits for a slow page. Meanwhile no frames are made, so that none queue up,
+        and the next frame has the newest samples.
         """
         loop = asyncio.get_running_loop()
         sent = float("-inf")
@@ -519,7 +520,7 @@ class ScopeServer:
         self.traffic.bytes += len(data)
 
     def _refresh(self, now: float) -> None:
-        """Update metrics and states for all pages when it is time."""
+        """Update metrics and states for all pages if due."""
         if now - self._updated < self._kind.period:
             return
         axes = list(self._source.windows.by_axis)
@@ -529,10 +530,10 @@ class ScopeServer:
         self._updates = {}
         for windows in {cursor.windows for cursor in self._clients.values()}:
             self._updates[windows] = self._update(windows, state)
-        self._updated = now  # not before: failed updates must not count as new
+        self._updated = now  # set last: a failed update must not count as done
 
     def _update(self, windows: Windows, state: dict[str, Any]) -> tuple[str | bytes, ...]:
-        """Return the message with a state for pages, ready to be sent."""
+        """Return the message with state and metrics, ready to send to pages."""
         if not self._kind.metrics:
             return (as_json(state | {"metrics": {"rate": live_rate(windows.handle)}}),)
         metrics = windows.metrics()
@@ -540,7 +541,7 @@ class ScopeServer:
 
 
 async def _body(request: web.Request) -> bytes:
-    """Return the body of a request; nothing if incomplete or late."""
+    """Return the body of a request; empty if incomplete or late."""
     try:
         return await asyncio.wait_for(request.read(), REQUEST_TIME)
     except (web.RequestPayloadError, OSError, asyncio.TimeoutError):
@@ -593,7 +594,7 @@ def _text(status: int, text: str) -> web.Response:
 
 
 def _plain(status: int, text: str) -> bytes:
-    """Return a text as the bytes of a whole answer, after which the connection is closed."""
+    """Return the bytes of a complete answer with a text; the connection is closed afterwards."""
     body = f"{text}\n".encode()
     fields = {
         "Content-Type": "text/plain; charset=utf-8",

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""State of a graph, its nodes' latest diagnostics, its scene and choices, as a page shows them."""
+"""State of a graph as a page shows it: latest diagnostics of nodes, scene and choices."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ NETWORK = (
     "delay {one-way delay (ms)} ms, loss {packet loss (%)} %, clock {clock offset (ms)} ms,"
     " energy {energy tank (mJ)} mJ"
 )
-"""Status line for a node with a peer host, from its reported values."""
+"""Status line of a node with a peer host, filled with the node's reported values."""
 
 SILENCE = 2.5
 """Time without diagnostics after which a node counts as silent, s: two missing reports, as nodes
 send a report per second."""
 
 MOST_NODES = 64
-"""Maximum number of nodes shown: many times a graph's, and few enough for a page."""
+"""Maximum number of nodes shown: many more than a graph has, and few enough for a page."""
 
 MOST_VALUES = 200
-"""Maximum number of values per report: twice the most that a node sends."""
+"""Maximum number of values per report: twice as many as any node sends."""
 
 LONGEST_TEXT = 300
-"""Longest message, name or value that is shown, characters; the rest is left out."""
+"""Maximum length of a shown message, name or value, characters; the rest is cut."""
 
 LEVELS = {0: "OK", 1: "warning", 2: "error"}
 """State by diagnostic level; any other level counts as silent."""
@@ -75,9 +75,9 @@ class NodeReports:
         self._reports: dict[str, NodeReport] = {}
 
     def receive(self, node: str, report: NodeReport) -> bool:
-        """Store a node's report as far as a page can show it; return false beyond `MOST_NODES`.
+        """Store a node's report, cut to what a page can show; return false beyond `MOST_NODES`.
 
-        Expected nodes always have a place.
+        Expected nodes are always stored.
         """
         crowded = len(self._reports.keys() - set(EXPECTED)) >= MOST_NODES - len(EXPECTED)
         if crowded and node not in self._reports and node not in EXPECTED:
@@ -86,16 +86,16 @@ class NodeReports:
             _cut(name): _cut(value) for name, value in islice(report.values.items(), MOST_VALUES)
         }
         report = replace(report, message=_cut(report.message), values=values)
-        # A new dictionary, so that no reader sees a change.
+        # Replace the dictionary, so that no reader on another thread sees it change.
         self._reports = {**self._reports, _cut(node): report}
         return True
 
     def forget(self) -> None:
-        """Discard all reports, of a graph that has ended."""
+        """Discard all reports because the graph has ended."""
         self._reports = {}
 
     def values(self, node: str, now: float) -> Mapping[str, str]:
-        """Return the values that a node reported; none if it stopped reporting."""
+        """Return the values that a node reported; empty if it has stopped reporting."""
         report = self._reports.get(node)
         return report.values if report and now - report.moment < SILENCE else {}
 
@@ -134,7 +134,7 @@ def _cut(text: str) -> str:
 
 
 VIEW = PointerMaster.REACH
-"""Part of the plane through the tool, along x and z, that a page draws, m: where a hand can go."""
+"""Region of the plane through the tool, along x and z, that a page draws, m: the hand's reach."""
 
 
 def choices() -> dict[str, list[str]]:
@@ -166,9 +166,9 @@ def state_of(
         Known parameters of the nodes of `WANTED`.
     settings : GraphSettings
     led : bool
-        A page can lead the hand.
+        True if a page can lead the hand.
     stop : mapping
-        Emergency stop: ``asked`` for, and as each arm reports it.
+        State of the emergency stop: requested (``asked``), and as reported by each arm.
     """
     now = time.monotonic()
     touched = scene_of(values["slave_device"])
@@ -201,7 +201,7 @@ def state_of(
 def scene_of(slave: Mapping[str, Any]) -> str | None:
     """Return the surface or scene file under the tool by the slave's parameters.
 
-    None if it is unknown.
+    The result is None if the surface is unknown.
     """
     name = {VIRTUAL: SCENE, SIMULATED: f"{SURFACE}name"}.get(slave.get("device", ""))
     return slave.get(name) if name else None

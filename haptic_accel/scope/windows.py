@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The latest seconds of the graph's signals, with derived signals and metrics."""
+"""Last seconds of the graph's signals, with derived signals and metrics."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ from haptic_accel.core.sampling import LATENCY, NANOSECONDS, IntArray, grid_indi
 from haptic_accel.core.tick import TravelEstimator
 
 PERIOD = 2.0
-"""Shortest time to the first computation and between two, s: the length of the inputs."""
+"""Minimum time before and between computations of the lowest error, s: the input's length."""
 
 SHARE = 0.05
-"""Part of a core that the computations may take: one takes 0.15 s at 1 kHz, and longer at a higher
-rate."""
+"""Fraction of a core that these computations may use: one takes 0.15 s at 1 kHz, and longer at a
+higher rate."""
 
 LOWEST_CORNER = 0.1
-"""Corner of a high-pass that removes nothing of the desired acceleration, Hz: it has passed the
-compensator's already."""
+"""Corner of a high-pass that leaves the desired acceleration unchanged, Hz: the compensator has
+filtered it already."""
 
 _beside = ThreadPoolExecutor(1, "lowest error")  # the page's server must not wait
 
 
 class LowestError:
-    """Lowest error for one input that goes on, computed now and then on a thread of its own."""
+    """Lowest possible error for a continuous input, computed at intervals on a separate thread."""
 
     def __init__(self) -> None:
         self._computed: Future[tuple[float | None, float]] | None = None
@@ -50,7 +50,7 @@ class LowestError:
         self._due = time.monotonic() + PERIOD
 
     def follow(self, bound: Callable[[], float]) -> float | None:
-        """Return the last result; if it is time, have that of the latest input computed.
+        """Return the last result; if due, start the computation for the latest input.
 
         Parameters
         ----------
@@ -60,7 +60,7 @@ class LowestError:
         Returns
         -------
         float or None
-            Percent, as `Evaluation.nrmse_percent`; None if there is none yet.
+            Error in percent, as `Evaluation.nrmse_percent`; None before the first result.
         """
         if self._computed and self._computed.done():
             self._value, taken = self._computed.result()
@@ -72,10 +72,10 @@ class LowestError:
 
 
 def _timed(bound: Callable[[], float]) -> tuple[float | None, float]:
-    """Return the bound, percent, and the CPU time that it took, s."""
+    """Return the bound, %, and the CPU time of its computation, s."""
     begun = time.thread_time()
     found = None
-    with suppress(ParameterError, ValueError):  # an input that is not finite, or too short
+    with suppress(ParameterError, ValueError):  # the input is not finite, or too short
         found = bound()
     return found, time.thread_time() - begun
 
@@ -90,50 +90,50 @@ LOWEST_RATE = 10.0
 """Lowest sampling rate from which signals are derived, Hz: a fifth of the nodes' lowest."""
 
 LARGEST_VALUE = 1e6
-"""Largest value of a signal, in its SI unit: far beyond any sensor's, and squares stay finite."""
+"""Largest accepted value of a signal, SI unit: beyond any sensor's range, with finite squares."""
 
 SLACK = 1.25
-"""Capacity of a ring relative to a read, so that no sample is read while overwritten."""
+"""Capacity of a ring relative to the longest read, so that no sample is overwritten while read."""
 
 CAPACITY = int(LONGEST_WINDOW * HIGHEST_RATE * SLACK)
-"""Samples that a ring holds."""
+"""Capacity of a ring, samples."""
 
 METRICS_WINDOW = 2.0
-"""Length of signal that metrics are computed from, s: two to four strokes of the hand."""
+"""Length of the signals for metrics, s: two to four strokes of the hand."""
 
 GAP = 0.5
 """Gap in the stamps after which derived signals start again, s: nodes were restarted."""
 
 HELD = 0.1
-"""Time for which the last force counts, s; then the device has released it."""
+"""Time for which the last force stays in effect, s; then the device has removed it."""
 
 RATE_SAMPLES = 500
-"""Samples from which the sampling rate is estimated."""
+"""Number of samples for the estimate of the sampling rate."""
 
 FEWEST = 50
-"""Fewest samples for a sampling rate and for metrics."""
+"""Minimum number of samples for a sampling rate and for metrics."""
 
 LEAST_VIBRATION = 0.5
-"""RMS of the desired acceleration below which the tool counts as touching nothing, m/s^2: moved in
-the air it has 0.2, and dragged over the paper's smoothest surface 1.3."""
+"""RMS of the desired acceleration below which the tool counts as touching nothing, m/s^2: motion
+in the air gives 0.2, and dragging over the paper's smoothest surface 1.3."""
 
 CHANGING = LISTENING + FADING
 """Time from the choice of a controller until it alone computes the force, s."""
 
 CLOUD_POINTS = 800
-"""Most points of the regression cloud: more cannot be distinguished."""
+"""Maximum number of points of the regression cloud: more cannot be distinguished."""
 
 
 class Ring:
     """Latest samples of one signal, written by one thread and read by another.
 
-    A sample is stored before it is counted, and readers stay away from the oldest samples,
-    which are overwritten next.
+    A sample is stored before it is counted, and readers avoid the oldest samples, which are
+    overwritten next.
 
     Parameters
     ----------
     capacity : int
-        Samples stored; readers get at most `capacity` / `SLACK` of them.
+        Number of samples stored; readers get at most `capacity` / `SLACK` of them.
     """
 
     def __init__(self, capacity: int = CAPACITY) -> None:
@@ -142,7 +142,7 @@ class Ring:
         self._capacity = capacity
         self._readable = int(capacity / SLACK)
         self.count = 0
-        """Number of samples ever stored."""
+        """Total number of samples stored so far."""
 
     def put(self, stamp: int, value: float) -> None:
         """Add a sample with its stamp in ns."""
@@ -152,7 +152,7 @@ class Ring:
         self.count += 1
 
     def extend(self, stamps: IntArray, values: FloatArray) -> None:
-        """Add samples; only the last that fit."""
+        """Add samples; of too many, only the last that fit."""
         stamps, values = stamps[-self._capacity :], values[-self._capacity :]
         indices = np.arange(self.count, self.count + len(stamps)) % self._capacity
         self._stamps[indices] = stamps
@@ -172,7 +172,7 @@ class Ring:
         return end, self._stamps[indices], self._values[indices]
 
     def last(self, seconds: float) -> tuple[IntArray, FloatArray]:
-        """Return the samples of the given time before the newest stamp, in order."""
+        """Return the samples of the last seconds before the newest stamp, in order."""
         oldest = self.newest - int(seconds * NANOSECONDS)
         _, stamps, values = self.since(0)
         # Start behind the last older stamp: if a clock was set back, only later samples count.
@@ -199,7 +199,7 @@ class GraphSettings:
     latency : int
         Samples from the cause of a force to the tick at which the force takes effect.
     granted_delay : int
-        Samples by which the handle may follow later than that, with the present controller.
+        Additional delay, in samples, that the present controller may give the handle's response.
     plant : Plant or None
         Plant along one axis, from which the lowest possible error follows; None if unknown.
     noise : float
@@ -218,7 +218,7 @@ class GraphSettings:
 
     @property
     def after(self) -> int:
-        """Samples from a desired acceleration to the compared response."""
+        """Number of samples from a desired acceleration to the compared response."""
         return self.latency + self.granted_delay
 
 
@@ -229,15 +229,15 @@ class Metrics:
     Attributes
     ----------
     values : dict
-        Finite numbers by name, without metrics of too few samples. ``rate``: samples of the handle
-        acceleration per second. ``nrmse_percent``, ``slope`` (desired on actual) and ``r2``:
-        comparison with the handle acceleration shifted back by latency and granted delay, missing
-        where the tool touches nothing. ``lowest_percent``: lowest ``nrmse_percent`` of any filter
-        for such an input, where a plant is known. ``indistinguishable_percent``: share of their
-        vibration whose strength a hand could not tell, missing where it would feel neither.
-        ``rms_desired``, ``rms_actual``: m/s^2. ``age_p50``, ``age_p99``: time from the tool's
-        sample to the arrival of the actuator force here, s. ``peak_force``, ``peak_travel``:
-        largest magnitudes, N and m.
+        Finite numbers by name; metrics of too few samples are missing. ``rate``: samples of the
+        handle acceleration per second. ``nrmse_percent``, ``slope`` (desired on actual) and
+        ``r2``: comparison with the handle acceleration shifted back by latency and granted delay,
+        missing where the tool touches nothing. ``lowest_percent``: lowest ``nrmse_percent`` of any
+        filter for such an input, where a plant is known. ``indistinguishable_percent``: share of
+        the vibration in which a hand could not perceive the difference of strength, missing if a
+        hand would perceive neither. ``rms_desired``, ``rms_actual``: m/s^2. ``age_p50``,
+        ``age_p99``: time from the tool's sample to the arrival of the actuator force here, s.
+        ``peak_force``, ``peak_travel``: largest magnitudes, N and m.
     spectra : Spectra or None
         Spectra of desired and actual acceleration; None if there are too few samples.
     desired, actual : ndarray
@@ -263,13 +263,13 @@ class Windows:
         Received signals: desired acceleration, measured handle acceleration (m/s^2), actuator
         force (N) and its age on arrival (s).
     arm_force, position : Ring
-        Received signals, if a page asks for them: force of the slave's arm on the tool (N) and the
+        Received signals, if requested by a page: force of the slave's arm on the tool (N) and the
         tool's position (m).
     actual, travel : Ring
         Signals derived by `advance`: handle acceleration without gravity and hand motion
         (m/s^2), and position of the actuator's moving mass between its stops (m).
     places : dict
-        Latest vectors of `frames.PLACES`, if a page asks for them.
+        Latest vectors of `frames.PLACES`, if requested by a page.
     settings : GraphSettings
         Settings of the graph; may be replaced by another thread at any time.
     """
@@ -288,18 +288,18 @@ class Windows:
         self._lowest = LowestError()
 
     def show_axes(self, axes: Axes) -> None:
-        """Store the signals along some axes; without the actuator's, the last stands for it."""
+        """Store the signals along some axes; the last replaces a missing actuator's axis."""
         self.axis = self.axis if self.axis in axes.names else axes.names[-1]
         known = {**self.by_axis, self.axis: self}
         self.by_axis = {name: known.get(name) or Windows(name) for name in axes.names}
 
     def compare_anew(self) -> None:
-        """Restrict the comparison to samples after a change that begins now."""
+        """Restrict the comparison to samples from now on, as after a change."""
         self._lowest = LowestError()
         self._compared_from = self.handle.newest + int(CHANGING * NANOSECONDS)
 
     def leave_out(self, duration: int) -> None:
-        """Begin the comparison anew after a time that the stamps leave out, ns."""
+        """Restart the comparison after a gap of `duration` in the stamps, ns."""
         self.compare_anew()
         self._compared_from += duration
 
@@ -311,7 +311,7 @@ class Windows:
         derivation = self._derivation
         if derivation is None or (derivation.rate, derivation.settings) != (rate, settings):
             derivation = self._derivation = Derivation(settings, rate)
-        # Up to the newest force, which arrives a little later than the sample it acts on.
+        # Derive up to the newest force, which arrives slightly later than its sample.
         newest = self.force.newest
         _, stamps, values = self.handle.since(self._derived)
         ready = len(stamps)
@@ -344,7 +344,7 @@ class Windows:
         desired, actual = self._compared(rate)
         try:
             found = spectra(desired, actual, rate) if len(desired) >= FEWEST else None
-        except ValueError:  # a value that is not finite, or too large
+        except ValueError:  # a value is not finite, or too large
             found = None
         if found is None:
             return Metrics(_finite(values))
@@ -372,7 +372,7 @@ class Windows:
         return Metrics(_finite(values), found, desired[::step], actual[::step])
 
     def _compared(self, rate: float) -> tuple[FloatArray, FloatArray]:
-        """Return desired and actual acceleration, prepared as for the evaluation of a bag."""
+        """Return desired and actual acceleration, preprocessed as for the evaluation of a bag."""
         stamps, handle = self.handle.last(METRICS_WINDOW)
         first = int(np.searchsorted(stamps, self._compared_from, "right"))
         desired = self.desired.last(METRICS_WINDOW)
@@ -386,7 +386,7 @@ class Derivation:
     """Signals derived from the handle acceleration, sample by sample.
 
     The high-pass is causal, as a page shows the present; with a third of the compensator's corner
-    frequency it hardly shifts the signal. Metrics use the zero-phase filter.
+    frequency, it hardly shifts the signal. Metrics use the zero-phase filter.
 
     Parameters
     ----------
@@ -428,7 +428,7 @@ class Derivation:
         return actual, np.array(travel)
 
     def _follows(self, stamp: int) -> bool:
-        """Return true if a sample comes soon after the last one."""
+        """Return true if a sample follows the last one within `GAP`."""
         return self._newest is not None and 0 < stamp - self._newest < GAP * NANOSECONDS
 
 
@@ -447,7 +447,7 @@ def live_rate(ring: Ring) -> float | None:
 
 
 def held(stamps: IntArray, values: FloatArray, moments: IntArray, rate: float) -> FloatArray:
-    """Return the active command at given moments: the newest up to half a period later.
+    """Return the active command at each moment: the newest one up to half a period later.
 
     Parameters
     ----------
@@ -461,7 +461,7 @@ def held(stamps: IntArray, values: FloatArray, moments: IntArray, rate: float) -
     Returns
     -------
     ndarray, shape (n,)
-        Zero before the first command, and if the newest is older than `HELD`.
+        Active commands; zero before the first, and if the newest is older than `HELD`.
     """
     if not len(stamps):
         return np.zeros(len(moments))

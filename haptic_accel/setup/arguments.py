@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The arguments of the graph: the same ``key:=value`` words everywhere."""
+"""Arguments of the graph: ``key:=value``, the same for all commands."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ SURFACES = ("plywood", "text", "vinyl")
 """The paper's surfaces."""
 
 WORKSHOP = "workshop"
-"""Scene under the virtual slave where none is named."""
+"""Default scene under the virtual slave."""
 
 LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
 """Severities of messages in ROS 2."""
@@ -57,7 +57,7 @@ VIRTUAL = "virtual"
 """Name of the slave device whose tool touches a scene."""
 
 CRTK = "crtk"
-"""Begin of the names of devices whose arm is another node's, which need not have a watchdog."""
+"""Prefix of device names whose arm another node controls; that node may lack a watchdog."""
 
 SCENE = f"{VIRTUAL}.scene"
 """Parameter of `slave_device`: file of the scene."""
@@ -69,19 +69,19 @@ RECORDING = f"{SIMULATED}.recording.file"
 """Parameter of `slave_device`: file of the recorded acceleration."""
 
 PLAYED_TOPICS = "topics"
-"""Name for the topics that `ros2 bag play` publishes in place of a slave device."""
+"""Device name for topics that `ros2 bag play` publishes in place of a slave device."""
 
 
 THREE_AXIS_SWEEP = {"start_frequency": 8.0, "end_frequency": 450.0, "duration": 1.0, "trials": 2}
-"""Excitation of three coils, if not given: the band of the coupling, in the time that one coil
-takes (Hz, s)."""
+"""Default excitation of three coils: the band of the coupling, in the time that one coil takes
+(Hz, s)."""
 
 
 LATENCY_TEXT = (
     "delay from a sample to the force that it causes, in samples, or in ms with the unit: 2ms; 0"
     " applies forces on arrival"
 )
-"""Description of the argument, which is a whole number of samples in parameter files."""
+"""Description of the argument `latency`; parameter files have a whole number of samples."""
 
 
 def sets(*targets: str, **changes: Any) -> Any:
@@ -90,10 +90,10 @@ def sets(*targets: str, **changes: Any) -> Any:
     Parameters
     ----------
     targets : str
-        Node and dotted parameter name, with a dot between; the argument has default and
+        Node and dotted parameter name, joined by a dot; the argument has the default and the
         specification of the first target.
     changes
-        Attributes of the specification that differ.
+        Changed attributes of the specification.
     """
     node, _, name = targets[0].partition(".")
     default, specification = node_schema(node)[name]
@@ -192,7 +192,7 @@ class NetworkArguments(Checked):
     insecure: bool = sets("link.insecure")
 
     def __post_init__(self) -> None:
-        """Check all fields, and that they go together; two hosts have the passive coupling."""
+        """Check all fields and their combination; two hosts need the passive coupling."""
         super().__post_init__()
         if self.side and not self.peer:
             raise ParameterError(f"side = {self.side!r}: must come with peer:=HOST")
@@ -223,7 +223,7 @@ class LaunchArguments(NamespaceArguments):
 
     @classmethod
     def from_given(cls: type[L], **given: Any) -> L:
-        """Build from the given arguments; the parameter files decide those that are not given.
+        """Build from the specified arguments; parameter files decide the others.
 
         Raises
         ------
@@ -234,7 +234,7 @@ class LaunchArguments(NamespaceArguments):
 
     @classmethod
     def filled(cls, given: dict[str, Any]) -> dict[str, Any]:
-        """Return given arguments, and those that their parameter files decide.
+        """Return the specified arguments, and those that their parameter files decide.
 
         Raises
         ------
@@ -253,7 +253,7 @@ class LaunchArguments(NamespaceArguments):
         known = decided | given
         if isinstance(latency := known.get("latency"), str):
             rate = known.get("rate", DEFAULT_RATE)
-            if isinstance(rate, (int, float)) and rate > 0:  # others are refused later
+            if isinstance(rate, (int, float)) and rate > 0:  # other values are refused later
                 known["latency"] = _samples(latency, rate)
         return known
 
@@ -307,11 +307,11 @@ class GraphArguments(
     """Arguments of the graph."""
 
     def __post_init__(self) -> None:
-        """Check all fields, and that the surface can be under the slave's tool.
+        """Check all fields, and that the slave's tool can touch the surface.
 
-        Some graphs need a process for each node: a restarted node learns from other nodes of an
-        emergency stop; played topics have no device; and if nothing else removes an arm's force,
-        only a fault of the arm's own node may leave the force on.
+        Some graphs need a process for each node: a restarted node learns of an emergency stop from
+        other nodes; played topics have no device; and if nothing else removes an arm's force, only
+        a fault of the arm's own node may leave the force on.
         """
         super().__post_init__()
         unwatched = self.master.startswith(CRTK) or self.slave.startswith(CRTK)
@@ -329,9 +329,9 @@ class GraphArguments(
 
     @classmethod
     def from_given(cls: type[L], **given: Any) -> L:
-        """Build from the given arguments, as `LaunchArguments` does, and for a page's hand."""
+        """Build as `LaunchArguments` does, with the best defaults for a page's hand."""
         known = cls.filled(given)
-        if known.get("master") == POINTER:  # for a page's hand that with the least error
+        if known.get("master") == POINTER:  # the controller with the least error for a page's hand
             known = {"controller": "adaptive"} | known
         return cls(**known)
 
@@ -354,7 +354,7 @@ class IdentifyArguments(SweepParameters, LaunchArguments):
 
     @classmethod
     def from_given(cls, **given: Any) -> IdentifyArguments:
-        """Build from the given arguments, as `LaunchArguments` does, and for three coils."""
+        """Build as `LaunchArguments` does, with defaults for three coils."""
         known = cls.filled(given)
         files = [preset_file("rig", str(known.get("rig", cls.rig)))]
         files += parameter_paths(known.get("params_file", ""))
@@ -365,7 +365,7 @@ class IdentifyArguments(SweepParameters, LaunchArguments):
 
     @property
     def sweep(self) -> SweepParameters:
-        """The excitation alone."""
+        """Parameters of the excitation."""
         return SweepParameters(**{name: getattr(self, name) for name in schema(SweepParameters)})
 
 
@@ -375,7 +375,7 @@ def _samples(text: str, rate: float) -> int | str:
     Raises
     ------
     ParameterError
-        It is no whole number of samples.
+        The latency is no whole number of samples.
     """
     number = text.removesuffix("ms")
     if number == text:
@@ -395,7 +395,7 @@ def _samples(text: str, rate: float) -> int | str:
 
 
 def stated_words(arguments: LaunchArguments) -> list[str]:
-    """Return the ``key:=value`` words that give arguments which neither defaults nor files give.
+    """Return as ``key:=value`` the arguments that differ from defaults and files.
 
     Examples
     --------
@@ -412,7 +412,7 @@ def stated_words(arguments: LaunchArguments) -> list[str]:
 
 
 def _text(value: Any) -> str:
-    """Return the text of a value in a word."""
+    """Return a value as text of ``key:=value``."""
     if isinstance(value, bool):
         return str(value).lower()
     short = f"{value:g}" if isinstance(value, float) else str(value)
@@ -434,12 +434,12 @@ def _decisive(default: Any, targets: Iterable[str]) -> Iterator[tuple[str, str]]
 def check_lockstep(
     arguments: GraphArguments, where: str, slaves: Sequence[str] = (SIMULATED, VIRTUAL)
 ) -> None:
-    """Refuse a device that cannot run in lockstep, or a slave not allowed.
+    """Refuse a device that cannot run in lockstep, or a slave that is not allowed.
 
     Raises
     ------
     ParameterError
-        Names the device and allowed ones; `where` ends the sentence.
+        The message names the device and the allowed ones, and ends with `where`.
     """
     for arm, allowed in (("master", [SIMULATED]), ("slave", slaves)):
         if (device := getattr(arguments, arm)) not in allowed:
@@ -452,12 +452,12 @@ def check_both_arms(arguments: GraphArguments) -> None:
     Raises
     ------
     ParameterError
-        Names the side.
+        The message names the side.
     """
     if arguments.side:
         raise ParameterError(f"side = {arguments.side!r}: must be empty, as both arms are needed")
 
 
 def parse_arguments(words: Iterable[str]) -> GraphArguments:
-    """Read the graph's arguments from ``key:=value`` words; see `parse_words`."""
+    """Read the graph's arguments from ``key:=value`` texts; see `parse_words`."""
     return parse_words(words, GraphArguments)

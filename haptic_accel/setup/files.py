@@ -27,18 +27,18 @@ BEGINNINGS = {
     **{"can_serial.arm.": "can.", "can_serial.handle.": "serial."},
     **{"crtk_serial.arm.": "crtk.", "crtk_serial.handle.": "serial."},
 }
-"""Beginnings of names before 0.2, and of those in their place."""
+"""Prefixes of names before 0.2, and of the names that replace them."""
 
 IN_SAMPLES = {
     f"{controller}.granted_delay": f"{controller}.granted_time"
     for controller in ("adaptive", "feedback", "inverse")
 }
-"""Delays of the compensator that were numbers of samples before 0.4, and times in their place."""
+"""Delays of the compensator in samples, before 0.4, and the times that replace them."""
 
 KEPT = "it is read until the next release"
 
 CHANNEL, CHANNELS = "audio.channel", "audio.channels"
-"""Number of the master device's first channel before 0.4, and text of all channels."""
+"""Parameter for the master device's first channel, before 0.4, and for all channels."""
 
 FORMER = {"compensator": frozenset(IN_SAMPLES), "master_device": frozenset({CHANNEL})}
 """Names before 0.4 that a node's parameters may still have in files."""
@@ -47,22 +47,22 @@ FORMER = {"compensator": frozenset(IN_SAMPLES), "master_device": frozenset({CHAN
 def present_values(
     values: Mapping[str, Any], rate: object, warn: Callable[[str], None] | None = None
 ) -> dict[str, Any]:
-    """Return values by their present names: every delay in samples is a time, in s.
+    """Return values by their present names, with delays in samples converted to s.
 
     Parameters
     ----------
     values : mapping
         Values of a node by dotted name.
     rate
-        Samples per second of the graph; the default rate in place of what is no rate.
+        Samples per second of the graph; an invalid rate is replaced by the default.
     warn : callable, optional
         Receives one line for each former name.
 
     Raises
     ------
     ParameterError
-        A delay is no whole number of samples, a channel no whole number, or the value is given by
-        its present name, too.
+        A delay is no whole number of samples, a channel is no whole number, or the value is also
+        set by its present name.
 
     Examples
     --------
@@ -153,7 +153,7 @@ ROS_PARAMETERS = "ros__parameters"
 """Key of a node's parameters in a file."""
 
 _WILDCARDS = ("**", "*")
-"""Last parts of keys that name no node, but any."""
+"""Last parts of keys that apply to any node."""
 
 
 def surface_file(surface: str) -> Path:
@@ -162,7 +162,7 @@ def surface_file(surface: str) -> Path:
     Raises
     ------
     ParameterError
-        There is no such surface.
+        The surface does not exist.
     """
     file = preset_file("surface", surface)
     return config_folder() / "recording.yaml" if is_recording(surface) else file
@@ -171,7 +171,7 @@ def surface_file(surface: str) -> Path:
 def surface_parameters(surface: str) -> dict[str, Any]:
     """Return all parameters of a surface, by the slave device's dotted names.
 
-    Parameters missing from the file get defaults, so that none of another surface stays.
+    Parameters missing from the file get defaults, so that no value of another surface stays.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def surface_parameters(surface: str) -> dict[str, Any]:
     Raises
     ------
     ParameterError
-        No such surface, or a wrong file.
+        The surface does not exist, or its file is invalid.
     """
     given = read_parameter_file(surface_file(surface))["slave_device"]
     return {
@@ -239,7 +239,7 @@ def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, d
 
 
 def _locate_model(path: Path, values: Values) -> None:
-    """Make the path of a plant's model absolute if the model lies beside the file."""
+    """Make the path of a plant's model absolute if the model is in the file's folder."""
     own = values["compensator"]
     if (model := own.get(MODEL)) and (beside := path.parent / str(model)).is_file():
         own[MODEL] = str(beside.absolute())
@@ -248,7 +248,7 @@ def _locate_model(path: Path, values: Values) -> None:
 def parameter_paths(params_file: str) -> list[Path]:
     """Return the absolute paths of the files in an argument `params_file`.
 
-    A path may hold the separator itself: the longest name that exists is taken.
+    A path may contain the separator: the longest existing name is used.
 
     Examples
     --------
@@ -304,7 +304,7 @@ def read_parameter_files(
 
 
 class Unused(NamedTuple):
-    """Value of a node's parameter in a file where another file or an argument differs, and why."""
+    """Parameter value in a file that another file or an argument replaces, with the reason."""
 
     path: Path
     name: str
@@ -314,7 +314,7 @@ class Unused(NamedTuple):
 
 
 def warn_of(found: Iterable[Unused]) -> None:
-    """State each value once, in one line for all nodes that it concerns."""
+    """Log each unused value once, in one line for all its nodes."""
     nodes: dict[tuple[str, str], list[str]] = defaultdict(list)
     for path, name, node, value, reason in found:
         nodes[f"{path}: {name} of ", f" = {value}: {reason}"].append(node)
@@ -336,7 +336,7 @@ def check_reached(path: Path, node: str) -> None:
     Raises
     ------
     ParameterError
-        Names the file, the key, and a key that applies.
+        The message names the file, the key, and a key that would apply.
     """
     _check_reached(read_yaml_document(path), node)
 
@@ -373,7 +373,7 @@ def parameter_text(nodes: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 class _Text(str):
-    """Text that ROS must not read as another type, such as 1e5."""
+    """Text that ROS must not read as another type, for example 1e5."""
 
 
 def _quoted(values: Any) -> Any:
@@ -384,7 +384,7 @@ def _quoted(values: Any) -> Any:
 
 
 class _Plain(yaml.SafeDumper):
-    """Writes shared values once for each use, because no reader supports aliases."""
+    """YAML writer that repeats shared values, because no reader supports aliases."""
 
     def ignore_aliases(self, data: Any) -> bool:
         """Return True."""
@@ -406,7 +406,7 @@ def _flat(section: Document, prefix: str = "") -> Iterator[tuple[str, Document]]
 
 
 def _known(flat: Mapping[str, Document], executable: str, name: str) -> dict[str, Any]:
-    """Keep a node's parameters; refuse unknown ones and, for a named node, other nodes'."""
+    """Return a node's parameters; refuse unknown ones and, for a named node, other nodes'."""
     own = _names(executable)
     known = own.union(*map(_names, NODES)) if name in _WILDCARDS else own
     for parameter, value in flat.items():

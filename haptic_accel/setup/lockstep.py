@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs a condition of the graph in lockstep, and records it as the graph's recorder would."""
+"""Lockstep run of a condition of the graph, recorded as by the graph's recorder."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ def lockstep_trial(
     setup : Setup
         Simulated master, and simulated slave unless there is a track.
     track : Track, optional
-        Recorded slave at the graph's rate, which is played to its end, from the sample after the
-        first force.
+        Recorded slave at the graph's rate, played to its end from the sample after the first
+        force.
     recording : ndarray, optional
-        Tool acceleration at the graph's rate in place of a simulated one or a file's, m/s^2.
+        Tool acceleration at the graph's rate that replaces the simulated or recorded one, m/s^2.
     grips : sequence of GripChange
         Changes of grip, in order of time.
     channel, law
@@ -89,7 +89,7 @@ def replayed_track(arguments: GraphArguments) -> Track:
     Raises
     ------
     ParameterError
-        It cannot be read, or is played in a loop.
+        The track cannot be read, or is played in a loop.
     """
     if arguments.replay_loop:
         raise ParameterError("replay_loop = true: must be false in lockstep")
@@ -104,7 +104,7 @@ def replayed_track(arguments: GraphArguments) -> Track:
 
 
 def record_trial(bag: Path, trial: Trial, setup: Setup[GraphArguments], start: int) -> None:
-    """Write a trial as a bag with the same metadata as in a live graph's bag.
+    """Write a trial as a bag with the metadata of a live graph's bag.
 
     Parameters
     ----------

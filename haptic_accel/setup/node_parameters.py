@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The parameters of each node, by the dotted names ROS has for them (no ROS imported)."""
+"""Parameters of each node, by their dotted ROS names (no ROS imported)."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ SPRING, PASSIVE = "spring", "passive"
 """Couplings of the arms."""
 
 HIGHEST_RATE = 20e3
-"""Rate above what any of these nodes can hold, Hz."""
+"""Highest rate that a node accepts, Hz: more than any of the nodes can hold."""
 
 
 @dataclass(frozen=True)
@@ -212,7 +212,7 @@ class ScopeNodeParameters(Checked):
         "127.0.0.1",
         "address of the scope's page; any other than this machine's own requires the token",
     )
-    # Not registered (IANA), and below the ports that Linux assigns.
+    # A port that is not registered (IANA), and below those that Linux assigns.
     port: int = parameter(8642, "port of the scope's page; 0 for any free one", low=0, high=65535)
     control: bool = parameter(False, "let the scope's page control the graph, not only show it")
     side: str = like(CouplerNodeParameters, "side")
@@ -254,7 +254,7 @@ NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
         {**_kinds(CONTROLLERS), ACTUATOR: ActuatorParameters, PLANT: Plant},
     ),
 }
-"""Per node its own parameters, and those of what it can be made of, by name."""
+"""Own parameters of each node, and those of its possible devices or controllers, by name."""
 
 
 @cache
@@ -268,7 +268,7 @@ def node_schema(executable: str) -> Mapping[str, tuple[Any, Specification]]:
 
 
 def declared_schema(executable: str, own: Any) -> Mapping[str, tuple[Any, Specification]]:
-    """Return `node_schema` without the options that a device node with its parameters lacks."""
+    """Return `node_schema` without options that a device node with these parameters lacks."""
     if executable not in _DRIVERS:
         return node_schema(executable)
     used = {SAFETY, POSITION_SERVO, own.accelerometer_device, getattr(own, "actuator_device", "")}
@@ -286,12 +286,12 @@ def node_parameters(executable: str, values: Mapping[str, Any]) -> tuple[Any, di
     executable : str
         A key of `NODES`.
     values : mapping
-        Values by dotted name; missing ones keep their default.
+        Values by dotted name; missing parameters have their default.
 
     Raises
     ------
     ParameterError
-        A value that is not allowed.
+        A value is not allowed.
     """
     kind, kinds = NODES[executable]
     own: Any = from_flat(kind, values)
@@ -315,7 +315,7 @@ def build_device(executable: str, own: Any, options: Mapping[str, Any]) -> Devic
     Raises
     ------
     DeviceError, ParameterError
-        The device's library is missing, or its parameters are not usable.
+        The device's library is missing, or its parameters are unusable.
     """
     kind = _DRIVERS[executable][own.device]
     device: Device = kind.from_options(own.device, options, own.rate, own.seed)
@@ -332,7 +332,7 @@ def build_device(executable: str, own: Any, options: Mapping[str, Any]) -> Devic
 
 
 def check_clock(use_sim_time: object) -> None:
-    """Refuse another clock than this machine's.
+    """Refuse simulated time.
 
     Raises
     ------

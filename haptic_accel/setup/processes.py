@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The processes of the graph and their parameters, for given arguments."""
+"""Processes of the graph and their parameters, from its arguments."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ from haptic_accel.setup.node_parameters import NODES, build_device
 from haptic_accel.setup.setup import LINK, RECORDER, SCOPE, Arguments, Parameters, Setup
 
 RESPAWN_DELAY = 1.0
-"""Time before a process that has failed is started again, s."""
+"""Time before a failed process is restarted, s."""
 
 HALF_COUPLER = "half_coupler"
-"""Executable of the node `coupler` where each arm has a host of its own."""
+"""Executable of the node `coupler` if each arm has a separate host."""
 
 COMPOSED = "composed"
-"""Executable that runs the nodes that make forces in one process; with the name of the side behind
-it, those of one of two hosts."""
+"""Executable that runs all nodes that compute forces in one process; with the side's name
+appended, those of one of two hosts."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Process:
     Attributes
     ----------
     executable : str
-        Its name in this package.
+        Name of the executable in this package.
     parameters : dict
         ROS parameters by node, then by dotted name.
     namespace : str
@@ -60,11 +60,11 @@ class Process:
     respawn : bool
         True to restart it on failure.
     last : bool
-        Stop it after the others, to record their last messages.
+        True to stop it after the others, so that it records their last messages.
     optional : bool
-        The graph can run without it.
+        True if the graph can run without it.
     domain : int or None
-        Its ROS domain; None for that of the environment.
+        ROS domain of the process; None for the environment's.
     """
 
     executable: str
@@ -78,17 +78,17 @@ class Process:
 
     @property
     def name(self) -> str:
-        """Name among the processes of a graph: the executable, with a domain of its own."""
+        """Name among the processes of a graph: the executable, with any separate domain."""
         return self.executable if self.domain is None else f"{self.executable}@{self.domain}"
 
     def comes_back(self, status: int) -> bool:
-        """Return whether it is restarted after an end with an exit status."""
+        """Return whether the process is restarted after this exit status."""
         return self.respawn and status not in (WRONG_ARGUMENTS, *WELL)
 
     def ros_arguments(self, folder: Path) -> list[str]:
-        """Write the parameters to a file in a folder; return ROS words without the namespace.
+        """Write the parameters to a file in a folder; return ROS arguments without the namespace.
 
-        It needs a file, as command-line words cannot name a node in a namespace.
+        A file is needed, because command-line arguments cannot name a node in a namespace.
         """
         file = folder / f"{self.name}.yaml"
         file.write_text(parameter_text(self.parameters), encoding="utf-8")
@@ -96,17 +96,17 @@ class Process:
 
 
 def graph(arguments: GraphArguments) -> list[Process]:
-    """Return the processes that make up the graph, with everything checked beforehand.
+    """Check all arguments and files; return the processes of the graph.
 
     Raises
     ------
     ParameterError
-        A surface, file or parameter is not usable.
+        A surface, file or parameter is unusable.
     """
     setup = Setup.of(arguments)
     options = _checked_options(setup)
     _check_side(arguments)
-    if arguments.slave == names.SIMULATED:  # refuses a recording that cannot be played
+    if arguments.slave == names.SIMULATED:  # check that the recording can be played
         slave = options["slave_device"][names.SIMULATED]
         played(slave.recording, arguments.rate, Axes.parsed(slave.tool.axes))
     _check_replay(arguments)
@@ -121,18 +121,18 @@ def graph(arguments: GraphArguments) -> list[Process]:
 
 
 def identification_graph(arguments: IdentifyArguments) -> list[Process]:
-    """Return the processes that excite a handle and record it, everything checked beforehand.
+    """Check all arguments and files; return the processes that excite and record a handle.
 
     Raises
     ------
     ParameterError
-        A file or parameter is not usable.
+        A file or parameter is unusable.
     """
     setup = Setup.of(arguments)
     _checked_options(setup)
     _check_devices(setup)
     _check_bag(arguments)
-    repeat_samples(arguments.sweep, arguments.rate)  # the rate must suit the sweep
+    repeat_samples(arguments.sweep, arguments.rate)  # check that the rate suits the sweep
     return _processes(setup)
 
 
@@ -171,9 +171,9 @@ def _processes(
 
 
 def arrangement(processes: Sequence[Process]) -> str:
-    """Return a line on the nodes that share a process, and on how to change this.
+    """Return a line on which nodes share a process, and on how to change this.
 
-    Empty where there is no choice, as for an identification.
+    The line is empty if there is no choice, as for an identification.
     """
     nodes = {process.executable: tuple(process.parameters) for process in processes}
     joint = next((own for own in nodes.values() if len(own) > 1), ())
@@ -190,7 +190,7 @@ def arrangement(processes: Sequence[Process]) -> str:
 
 
 def _listed(words: Sequence[str]) -> str:
-    """Return words as a list in a sentence."""
+    """Return names as an enumeration in a sentence."""
     return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
@@ -232,7 +232,7 @@ def _check_devices(setup: Setup[Any]) -> None:
         if name in kinds and (is_on_card or name not in (names.SIMULATED, names.POINTER)):
             try:
                 build_device(f"{arm}_device", own, options)
-            except DeviceError as error:  # without its library
+            except DeviceError as error:  # its library is missing
                 raise ParameterError(f"{arm} = {name!r}: {error}") from None
 
 
@@ -246,14 +246,14 @@ def _check_card(arguments: GraphArguments) -> None:
 
 
 def _check_bag(arguments: Arguments) -> None:
-    """Refuse a bag that would be written over, or that cannot be written."""
+    """Refuse a bag that exists already, or that cannot be written."""
     if not find_spec("rosbags"):
         raise ParameterError(f"record = true: {NO_ROSBAGS}; or record:=false")
     if arguments.bag and os.path.exists(arguments.bag):
         raise ParameterError(f"bag = '{arguments.bag}': must be a new folder")
     folder = Path(arguments.bag or "bags/new").absolute()
     there = next(each for each in folder.parents if os.path.exists(each))
-    # Under a name of its own: a graph that starts at the same time checks the same folder.
+    # Use a unique name: a graph that starts at the same time checks the same folder.
     location = f"bag = '{arguments.bag}'"
     with (
         located(location, unreadable="must be a folder to make: "),

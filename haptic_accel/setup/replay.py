@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arguments of a replay and of its graph, which default to the bag's."""
+"""Arguments of a replay and its graph, with defaults from the bag."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ if TYPE_CHECKING:
     from haptic_accel.bags.reading import Bag
 
 INHERITED = ("controller", "rig", "grip", "surface", "master", "params_file", "seed")
-"""Arguments of the graph that are as they were when the bag was recorded, unless given."""
+"""Arguments of the graph that default to the recorded values in the bag."""
 
 ONE_HOST = ("side", "peer", "transport", "keys", "insecure")
-"""Arguments of the graph that a replay has not."""
+"""Arguments of the graph that a replay does not have."""
 
 REPLAYED = ("replay", "replay_speed", "replay_loop", "replay_start", "rate", "duration", "bag")
-"""Arguments of the graph that the arguments of the replay stand for."""
+"""Arguments of the graph that are set by arguments of the replay."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Replay:
     bag : Bag or None
         Bag with these arguments; None for a CSV or WAV file.
     touched : str
-        Surface that the tool touched as the bag was recorded, in a table of results.
+        Surface that the tool touched during the recording, for a table of results.
     """
 
     own: ReplayArguments
@@ -99,7 +99,7 @@ class Replay:
 
 
 def replay_arguments(words: Iterable[str]) -> Replay:
-    """Read ``key:=value`` words, and missing values from the bag.
+    """Read ``key:=value`` arguments, and missing values from the bag.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def replay_arguments(words: Iterable[str]) -> Replay:
     Raises
     ------
     ParameterError
-        A word is wrong, there is no bag, or it cannot be replayed.
+        An argument is invalid, or the bag is missing or cannot be replayed.
     """
     own, given = _parsed(words)
     bag = None
@@ -123,7 +123,7 @@ def replay_arguments(words: Iterable[str]) -> Replay:
     values: dict[str, Any] = {**inherited, **given}
     _check_source(own, values, bag)
     values |= {
-        # Also with `ros2 bag play`: the recording must name its source.
+        # Set also with `ros2 bag play`, because the recording must name its source.
         "replay": str(Path(own.bag).absolute()),
         "replay_speed": own.rate,
         "replay_loop": own.loop,
@@ -136,7 +136,7 @@ def replay_arguments(words: Iterable[str]) -> Replay:
 
 
 def described_replay() -> list[tuple[str, str, str]]:
-    """Return name, default and description of every argument; empty means the bag's."""
+    """Return name, default and description of every argument; an empty default is the bag's."""
     rest = []
     for name, default, text in described(GraphArguments):
         if name in INHERITED:
@@ -149,7 +149,7 @@ def described_replay() -> list[tuple[str, str, str]]:
 
 
 def _parsed(words: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
-    """Return the arguments of a replay, and those given for its graph."""
+    """Return the arguments of a replay, and those specified for its graph."""
     known = [name for name, _, _ in described_replay()]
     own: list[str] = []
     rest: list[str] = []
@@ -187,19 +187,19 @@ def _check_source(own: ReplayArguments, values: dict[str, Any], bag: Bag | None)
 
 
 def _sampling_rate(own: ReplayArguments, slave: str, bag: Bag | None) -> float:
-    """Return the graph's rate: as given, or the rate of the replayed arm."""
+    """Return the graph's rate: as specified, or the rate of the replayed arm."""
     arm = SLAVE if slave in (REPLAY, PLAYED_TOPICS) else MASTER
     rate = own.sampling_rate or (playback.bag_rate(bag, arm) if bag else DEFAULT_RATE)
     return float(checked("sampling_rate", rate, *schema(GraphArguments)["rate"]))
 
 
 def _inherited(bag: Bag, given: dict[str, Any]) -> dict[str, Any]:
-    """Return those arguments of a bag's recording that apply to its replay.
+    """Return the arguments of a bag's recording that apply to its replay.
 
     Raises
     ------
     ParameterError
-        One of them is no longer allowed.
+        An argument is no longer allowed.
     """
     recorded = recorded_arguments(bag.facts)
     found = {name: recorded[name] for name in INHERITED if name in recorded.keys() - given}
@@ -242,7 +242,7 @@ def expected_seconds(asked: Replay) -> float:
 
 
 def in_lockstep(asked: Replay) -> Replay:
-    """Return a replay for lockstep, with the simulated handle.
+    """Return a replay adapted to lockstep, with the simulated handle.
 
     Raises
     ------

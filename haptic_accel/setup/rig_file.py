@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Updates of a user's parameter file, such as that of a rig, which keep everything else in it."""
+"""Updates of a user's parameter file, such as a rig's, that preserve the rest of the file."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from haptic_accel.setup.files import (
 )
 
 NOTE = "# bring-up, "
-"""Begin of a comment in a rig's file on a step of its bring-up."""
+"""Prefix of comments in a rig's file on steps of the bring-up."""
 
 
 def update_parameter_file(path: Path, nodes: Mapping[str, Mapping[str, Any]]) -> None:
     """Set parameters in a file, new or existing; comments and other values remain.
 
-    The file is replaced as a whole, so that a complete one exists at all times.
+    The file is replaced atomically, so that a complete file exists at all times.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def update_parameter_file(path: Path, nodes: Mapping[str, Mapping[str, Any]]) ->
 
 
 def noted_steps(path: Path) -> dict[str, str]:
-    """Return the steps of the bring-up that a rig's file notes, with when and how each ended.
+    """Return the bring-up steps noted in a rig's file, with time and result of each.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def noted_steps(path: Path) -> dict[str, str]:
 
 
 def note_step(path: Path, step: str, text: str) -> None:
-    """Note how a step of the bring-up ended, in a comment in place of an earlier one.
+    """Note the result of a bring-up step in a comment that replaces any earlier one.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def note_step(path: Path, step: str, text: str) -> None:
 
 
 def teleoperation_words(params_file: str, found: Path, *words: str) -> list[str]:
-    """Return verb and words that run a graph with a file in addition to other ones.
+    """Return the command and arguments that run a graph with an additional file.
 
     Examples
     --------
@@ -111,9 +111,9 @@ def check_updatable(path: Path) -> None:
 
 
 def _document(path: Path) -> tuple[Any, Any, str]:
-    """Return a writer of YAML, and the content of a file, empty for a new one.
+    """Return a YAML writer, and the content of a file, empty for a new file.
 
-    The comments of a file without content are returned apart.
+    For a file with comments only, these are returned separately.
     """
     try:
         from ruamel.yaml import YAML
@@ -129,7 +129,7 @@ def _document(path: Path) -> tuple[Any, Any, str]:
         text = read_text(path)
     if all(line.lstrip()[:1] in ("", "#") for line in text.splitlines()):
         return document, {}, "".join(f"{line}\n" for line in text.splitlines())
-    read_parameter_file(path)  # refuses another form
+    read_parameter_file(path)  # refuse a file of another form
     try:
         return document, document.load(text) or {}, ""
     except YAMLError as error:
@@ -137,7 +137,7 @@ def _document(path: Path) -> tuple[Any, Any, str]:
 
 
 def _key(content: Mapping[str, Any], node: str) -> str:
-    """Return the file's key of a node, or a new one that applies in any namespace."""
+    """Return the file's key for a node, or a new key that applies in any namespace."""
     if node == EVERY_NODE:
         return node
     known = (f"/**/{node}", node, f"/{node}")

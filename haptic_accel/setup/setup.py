@@ -1,9 +1,9 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One frozen description of what runs: its arguments, and the parameters of all its nodes.
+"""Immutable description of a graph: its arguments, and the parameters of all its nodes.
 
-Whatever starts, simulates, shows or analyses a graph reads it, so that files and
+All code that starts, simulates, shows or analyses a graph uses this description, so that files and
 arguments are resolved once.
 """
 
@@ -48,14 +48,14 @@ class Parameters:
     Attributes
     ----------
     values : mapping
-        Values of each node by dotted name; missing ones have their default.
+        Values of each node by dotted name; missing parameters have their default.
     """
 
     values: Mapping[str, Mapping[str, Any]]
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, Any]) -> Parameters:
-        """Return those that a bag's metadata states, in an older bag by their present names."""
+        """Return the parameters in a bag's metadata, with former names replaced."""
         stated = metadata.get(PARAMETERS)
         nodes = stated if isinstance(stated, Mapping) else {}
         known = {name: own for name, own in nodes.items() if isinstance(own, Mapping)}
@@ -89,7 +89,7 @@ class Parameters:
         )
 
     def changed(self: P, changes: Mapping[str, Mapping[str, Any]]) -> P:
-        """Return a copy in which nodes have other values."""
+        """Return a copy with changed values of nodes."""
         known = {name: {**self.values.get(name, {}), **own} for name, own in changes.items()}
         return replace(self, values={**self.values, **known})
 
@@ -99,7 +99,7 @@ P = TypeVar("P", bound=Parameters)
 
 @dataclass(frozen=True)
 class Setup(Parameters, Generic[A]):
-    """Everything that describes what runs.
+    """Complete description of a graph: arguments, and parameters of all nodes.
 
     Attributes
     ----------
@@ -123,21 +123,21 @@ class Setup(Parameters, Generic[A]):
         Raises
         ------
         ParameterError
-            A file is not usable, or contradicts the arguments.
+            A file is unusable, or contradicts the arguments.
         """
         return cls(_resolved(arguments), arguments)
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, Any]) -> Setup[GraphArguments]:
-        """Return the setup of a recorded graph, also of an older one; no file is read.
+        """Return the setup of a recorded graph, of any version, without reading files.
 
         Raises
         ------
         ParameterError
-            The metadata states no arguments, or one that is not allowed any more.
+            The metadata contains no arguments, or an argument that is no longer allowed.
         """
         given = recorded_arguments(metadata)
-        if "latency" not in given:  # before 0.1, or of another program
+        if "latency" not in given:  # recorded before 0.1, or by another program
             raise ParameterError("does not state the arguments of its graph")
         known = schema(GraphArguments).keys() & given
         arguments = GraphArguments(**{name: given[name] for name in known})
@@ -157,20 +157,20 @@ class Setup(Parameters, Generic[A]):
             if node not in (RECORDER, SCOPE)
         }
         recorded = asdict(self.arguments)
-        if self.arguments.params_file:  # found from another working directory, too
+        if self.arguments.params_file:  # make paths valid in any working directory
             paths = files.parameter_paths(self.arguments.params_file)
             recorded["params_file"] = files.SEPARATOR.join(map(str, paths))
         return facts_text(recorded, effective)
 
 
 def recorded_arguments(metadata: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments that a bag's metadata states, by present names; empty without any."""
+    """Return the arguments in a bag's metadata, by their present names; empty without any."""
     stated = metadata.get(ARGUMENTS)
     return files.current_arguments(stated) if isinstance(stated, Mapping) else {}
 
 
 def known_arguments(metadata: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments that a bag states, or else those that its nodes' parameters reveal."""
+    """Return the arguments in a bag's metadata, or else those inferred from node parameters."""
     if stated := recorded_arguments(metadata):
         return stated
     values = Parameters.from_metadata(metadata).values
@@ -183,7 +183,7 @@ def known_arguments(metadata: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _resolved(arguments: Arguments) -> files.Values:
-    """Return the values that files and arguments give each node, by dotted name."""
+    """Return each node's values from files and arguments, by dotted name."""
     values: files.Values = {executable: {} for executable in NODES}
     set_here = _set_by(arguments)
     own = [
@@ -220,7 +220,7 @@ def _present(path: Path, content: files.Values, rate: float) -> files.Values:
 
 
 def _warn_of_unknown_plant(values: files.Values, given: Sequence[files.Values]) -> None:
-    """State that a controller needs the plant of coils of which only their kind is known."""
+    """Warn if a controller needs the plant of coils of which only the kind is known."""
     master, compensator = values["master_device"], values["compensator"]
     preset, controller = master.get("audio.preset"), compensator.get("controller")
     is_known = any(name.startswith(f"{PLANT}.") for each in given for name in each["compensator"])
@@ -237,7 +237,7 @@ def _warn_of_unknown_plant(values: files.Values, given: Sequence[files.Values]) 
 
 
 def _known_handle(arguments: Arguments, values: files.Values) -> dict[str, Any]:
-    """Return the identifier's parameters of a handle; a simulated one needs no measurement."""
+    """Return the identifier's parameters of a handle; a simulated handle needs no measurement."""
     if arguments.master not in (names.SIMULATED, names.POINTER):
         return {"axes": values["compensator"].get("axes", CompensationParameters.axes)}
     _, devices = node_parameters("master_device", values["master_device"])
@@ -250,9 +250,9 @@ def _known_handle(arguments: Arguments, values: files.Values) -> dict[str, Any]:
 def _check_given(
     path: Path, content: files.Values, set_here: files.Values, later: Sequence[files.Values]
 ) -> None:
-    """Refuse a file's values that the graph sets; state those that an argument replaces.
+    """Refuse a file's values that the graph sets; report those that an argument replaces.
 
-    What a later file replaces, `read_parameter_files` states.
+    `read_parameter_files` reports values that a later file replaces.
     """
     replaced: list[files.Unused] = []
     for node, own in set_here.items():
@@ -312,11 +312,11 @@ def _set_by(arguments: Arguments) -> files.Values:
 
 
 def _derived(arguments: Arguments) -> dict[str, Any]:
-    """Return the parameters that follow from several arguments; None for one that is not set."""
+    """Return the parameters derived from several arguments; None if not set."""
     if isinstance(arguments, IdentifyArguments):
         sweep = {f"identifier.{name}": value for name, value in asdict(arguments.sweep).items()}
         return {**sweep, "identifier.listeners": 2}
-    # Receivers of a signal: its destination and the recorder.
+    # A signal has one or two receivers: its destination and the recorder.
     listeners = 2 if arguments.record else 1
     is_reduced = arguments.reduction != CompensationParameters.reduction
     tool_axes = ", ".join(ALL_AXES.names) if is_reduced else None
@@ -326,9 +326,9 @@ def _derived(arguments: Arguments) -> dict[str, Any]:
     return {
         "coupler.listeners": listeners,
         "restamper.listeners": listeners,
-        # The hand starts to explore when the arms engage: all others must exist.
+        # The hand starts to explore when the arms engage; all other nodes must exist by then.
         "coupler.compensated": "compensator" in _nodes(arguments),
-        "coupler.axes": tool_axes if arguments.side == "slave" else None,  # to cross the network
+        "coupler.axes": tool_axes if arguments.side == "slave" else None,  # across the network
         f"slave_device.{names.SIMULATED}.{names.TOOL_AXES}": tool_axes,
         f"slave_device.{names.VIRTUAL}.{names.TOOL_AXES}": tool_axes,
         f"slave_device.{names.SCENE}": scene,
@@ -338,7 +338,7 @@ def _derived(arguments: Arguments) -> dict[str, Any]:
 
 
 def _nodes(arguments: Arguments) -> list[str]:
-    """Return the executables of the nodes that arguments ask for."""
+    """Return the executables of the nodes that arguments select."""
     if isinstance(arguments, IdentifyArguments):
         return ["master_device", "identifier", RECORDER]
     slave = "restamper" if arguments.slave == names.PLAYED_TOPICS else "slave_device"
@@ -353,5 +353,5 @@ def _nodes(arguments: Arguments) -> list[str]:
 
 
 def _absolute(path: str) -> str:
-    """Return the absolute path of a file or folder; empty for an empty one."""
+    """Return the absolute path of a file or folder; empty for an empty path."""
     return path and str(Path(path).absolute())

@@ -1,9 +1,9 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reading and describing ``key:=value`` words by the dataclass that declares them.
+"""Parsing and description of ``key:=value`` arguments by the dataclass that declares them.
 
-Imports nothing heavy, so that an emergency stop starts at once.
+This module avoids slow imports, so that an emergency stop starts at once.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ class NamespaceArguments(Checked):
     namespace: str = parameter("", "namespace of the graph; empty for the root")
 
     def __post_init__(self) -> None:
-        """Check all fields; the namespace then has a slash before, and none behind."""
+        """Check all fields; normalize the namespace to a leading slash and no trailing one."""
         super().__post_init__()
         object.__setattr__(self, "namespace", _absolute(self.namespace))
 
 
 def _absolute(namespace: str) -> str:
-    """Return a namespace with a slash before and none behind; empty for the root."""
+    """Return a namespace with a leading and no trailing slash; empty for the root."""
     words = namespace.strip("/")
     if words and not _NAMESPACE.fullmatch(f"/{words}"):
         raise ParameterError(
@@ -57,11 +57,11 @@ MOVED = {
     **dict.fromkeys(("regex", "exclude_regex", "start_paused"), "recorder"),
     "scope_host": "scope",
 }
-"""Former arguments that are parameters of a node only, and the node."""
+"""Former arguments, now node parameters only, with the name of the node."""
 
 
 def parse_words(words: Iterable[str], kind: type[A]) -> A:
-    """Read ``key:=value`` words.
+    """Read ``key:=value`` arguments.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def parse_words(words: Iterable[str], kind: type[A]) -> A:
     Raises
     ------
     ParameterError
-        A word of another form, an unknown key, a key given twice, a value not allowed.
+        An argument has another form, an unknown or repeated key, or a value that is not allowed.
     """
     known = schema(kind)
     values: dict[str, Any] = {}
@@ -90,18 +90,18 @@ def parse_words(words: Iterable[str], kind: type[A]) -> A:
 
 
 def is_argument(word: str) -> bool:
-    """Return whether a word has the form ``key:=value``; a key has no slash, as folders do."""
+    """Return whether a text has the form ``key:=value``; keys, unlike folders, have no slash."""
     key, separator, _ = word.partition(":=")
     return bool(separator) and "/" not in key
 
 
 def given_keys(words: Iterable[str]) -> list[str]:
-    """Return the keys of the words that have the form ``key:=value``."""
+    """Return the keys of the texts of the form ``key:=value``."""
     return [word.partition(":=")[0] for word in words if ":=" in word]
 
 
 def unknown_key(key: str, known: Iterable[str]) -> ParameterError:
-    """Return the error that names the nearest key and every key, or the node with that key."""
+    """Return an error that names the nearest key and all keys, or the node with that key."""
     if key in MOVED:
         name = key.removeprefix(f"{MOVED[key]}_")
         return ParameterError(
@@ -115,7 +115,7 @@ def unknown_key(key: str, known: Iterable[str]) -> ParameterError:
 
 
 def _value(text: str, default: Any) -> Any:
-    """Read a word as its argument's type; other text is unchanged and refused later."""
+    """Convert text to its argument's type; other text is unchanged and refused later."""
     if isinstance(default, str):
         return text
     if isinstance(default, bool):
