@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
 
 PORTABLE = ("core", "bags", "materials", "analysis", "pages", "scope")
@@ -53,6 +55,7 @@ def test_all_portable_modules_load(tmp_path: Path) -> None:
     run(tmp_path, f"import {', '.join(modules)}")
 
 
+@pytest.mark.slow
 def test_an_experiment_runs_in_lockstep_and_its_bags_are_analysed(tmp_path: Path) -> None:
     words = "experiment --lockstep --jobs 1 --controllers none surface:=text duration:=1 --out out"
     run(tmp_path, f"from haptic_accel.cli.main import main; main({words.split()})")
@@ -62,6 +65,7 @@ def test_an_experiment_runs_in_lockstep_and_its_bags_are_analysed(tmp_path: Path
     )
 
 
+@pytest.mark.slow
 def test_a_surface_is_touched_until_ctrl_c(tmp_path: Path) -> None:
     run(
         tmp_path,

@@ -23,6 +23,7 @@ from haptic_accel.core.topics import DESCRIPTION
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial, record_trial
 from haptic_accel.setup.setup import Setup
+from nightly import rest_slow
 from observing import Observer
 from other_recorder import OtherRecorder, converted
 from reading import with_types
@@ -55,7 +56,7 @@ def row(bag: Path, shift: str = "granted") -> pd.Series:
     return trials(load(bag, shift=shift)).drop(columns=["trial", "bag"]).iloc[0]
 
 
-@pytest.mark.parametrize("rig", ["paper", "three_axis"])
+@pytest.mark.parametrize("rig", rest_slow(["paper", "three_axis"]))
 def test_a_converted_bag_has_the_same_digits(tmp_path: Path, rig: str) -> None:
     bag = run(tmp_path, controller="adaptive", rig=rig, latency=3)
     pd.testing.assert_series_equal(row(bag), row(converted(bag, tmp_path / "copy")))
@@ -106,7 +107,7 @@ def test_without_any_sign_of_the_latency_there_is_no_figure_but_the_reason(tmp_p
     assert math.isfinite(row(bag, shift="2").nrmse_percent)
 
 
-@pytest.mark.parametrize(("gain", "trial_count"), [(2, 2), (1, 1)])
+@pytest.mark.parametrize(("gain", "trial_count"), rest_slow([(2, 2), (1, 1)]))
 def test_a_parameter_changed_while_recording_begins_another_trial(
     tmp_path: Path, gain: int, trial_count: int
 ) -> None:

@@ -25,6 +25,7 @@ from haptic_accel.analysis.identification_result import (
 )
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.identification.evaluation import Identification, identify_handle
+from haptic_accel.core.identification.fit import DEFAULT_FREE
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import own_schema
@@ -45,7 +46,9 @@ def identified(handles: Mapping[str, HandleParameters]) -> Identification:
     rigs = {name: MasterRigParameters(handle=handle) for name, handle in handles.items()}
     recorded = {name: run_identification(rig, SWEEP) for name, rig in rigs.items()}
     accelerometer = MasterRigParameters().accelerometer
-    return identify_handle(recorded, SWEEP, accelerometer.range, accelerometer.bandwidth)
+    return identify_handle(
+        recorded, SWEEP, accelerometer.range, accelerometer.bandwidth, free=DEFAULT_FREE
+    )
 
 
 @pytest.fixture(scope="module")

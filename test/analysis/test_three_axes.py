@@ -171,6 +171,7 @@ def test_each_axis_has_its_own_signals(bags: Path) -> None:
     assert list(signals(bags / "inverse"))[:3] == [f"{ANALYSED[0]}_{axis}" for axis in "xyz"]
 
 
+@pytest.mark.slow
 def test_plots_show_each_axis_and_the_planes_between(report: Path) -> None:
     for name in (*PICTURES, "polarisation_plywood"):
         with Image.open(report / f"{name}.png") as picture:

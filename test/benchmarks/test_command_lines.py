@@ -40,6 +40,7 @@ def measured(start: Start, tmp_path: Path) -> Measured:
 
 
 @pytest.mark.quiet
+@pytest.mark.slow
 def test_the_speed_of_a_trial_is_that_of_its_seconds(measured: Measured) -> None:
     command, figures = measured("lockstep_speed.py", "--seconds", "2")
     assert (figures["rate_hz"], figures["simulated_seconds"]) == (1000.0, 2.0)

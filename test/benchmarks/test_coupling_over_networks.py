@@ -24,6 +24,7 @@ def row(*condition: object) -> dict[str, float]:
     return found
 
 
+@pytest.mark.slow
 def test_a_spring_over_a_network_is_unstable_and_the_passive_law_is_not() -> None:
     near = over(6.25, 1.25)
     spring, passive = row("spring", near, near), row("passive", near)
@@ -41,6 +42,7 @@ def test_the_slave_rests_on_a_wall_whatever_delay_comes_suddenly() -> None:
     assert found["end_speed_m_s"] < 0.05
 
 
+@pytest.mark.slow
 def test_the_error_in_free_space_stays_within_millimetres() -> None:
     assert row("passive", over(20.0, 10.0))["free_error_mm"] <= 5.0
 
@@ -49,6 +51,7 @@ def test_random_networks_give_no_more_energy_than_was_granted() -> None:
     assert all(0.0 <= float(measure(seed)) <= 1.0 for seed in range(3))  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_the_command_prints_and_writes_its_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

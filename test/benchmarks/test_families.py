@@ -21,6 +21,7 @@ SCRIPT = Path(__file__).resolve().parents[2] / "benchmarks" / "families.py"
 
 
 @pytest.mark.quiet
+@pytest.mark.slow
 def test_one_half_is_told_and_the_other_is_counted(
     start: Callable[..., Command], tmp_path: Path
 ) -> None:

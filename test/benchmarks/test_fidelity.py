@@ -40,6 +40,7 @@ ROW = {
 }
 
 
+@pytest.mark.slow
 def test_the_table_is_printed_and_saved(begin: Begin, tmp_path: Path) -> None:
     time = np.arange(4000) / 2000.0
     np.savetxt(

@@ -11,7 +11,8 @@ from loss_bursts import measure
 from haptic_accel.core.coupling.passive import PassiveParameters
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
 def test_over_bursts_of_losses_arms_come_together_again_and_no_force_jumps(seed: int) -> None:
     found = measure(25.0, seed)
     assert found["engagements"] >= found["bursts"] >= 3

@@ -21,6 +21,7 @@ from haptic_accel.analysis import load
 from haptic_accel.analysis.writing import write_page
 from haptic_accel.core import topics
 from haptic_accel.core.trial import Trial
+from nightly import rest_slow
 from verbs import refusal, status_of
 
 if TYPE_CHECKING:
@@ -178,7 +179,7 @@ INK = """id => {
 }"""
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", rest_slow(["light", "dark"]))
 def test_the_page_draws_and_answers(report: Path, browser: Browser, scheme: str) -> None:
     page = browser.new_page(color_scheme=scheme)
     complaints: list[str] = []

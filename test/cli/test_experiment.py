@@ -14,6 +14,7 @@ from typing import Any
 import psutil
 import pytest
 
+from nightly import rest_slow
 from running import Command
 
 Start = Callable[..., Command]
@@ -91,6 +92,7 @@ def test_the_papers_loop_has_no_latency(ran: Ran, here: Path) -> None:
     assert errors[3] == pytest.approx(errors[0], abs=3.0)
 
 
+@pytest.mark.slow
 def test_a_network_between_the_arms_costs_no_more_than_what_it_loses(ran: Ran, here: Path) -> None:
     errors = []
     for name, network in (("near", ["--delay", "20"]), ("lossy", [*NETWORK, "--loss", "0.1"])):
@@ -160,9 +162,9 @@ def test_live_gives_the_same_figures_and_how_samples_travelled(
 
 
 @pytest.mark.quiet
-@pytest.mark.parametrize("out", [(), pytest.param(("--out", "report"), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("out", rest_slow([[], ["--out", "report"]]))
 def test_ctrl_c_reports_what_was_done_and_how_to_go_on(
-    haptic_accel: Start, tmp_path: Path, out: tuple[str, ...]
+    haptic_accel: Start, tmp_path: Path, out: list[str]
 ) -> None:
     command = haptic_accel(*FOUR, *out)
     command.wait_for("1 of 4")
@@ -182,6 +184,7 @@ def test_ctrl_c_reports_what_was_done_and_how_to_go_on(
 
 
 @pytest.mark.quiet
+@pytest.mark.slow
 def test_a_killed_process_leaves_no_condition_out(haptic_accel: Start, tmp_path: Path) -> None:
     command = haptic_accel(*FOUR, "--out", "report")
     command.wait_for("1 of 4")

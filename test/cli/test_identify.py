@@ -409,6 +409,7 @@ def test_a_recording_in_three_axes_gives_one_file_for_the_compensator(
     assert "grips = pinch, hook: must be one for three axes" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_three_axes_are_identified_in_lockstep(here: Path) -> None:
     words = ("rig:=three_axis_ideal", "--trials", "1", "--json", "metrics.json", "--out", "found")
     assert status_of("identify", "--lockstep", *words, *WITHOUT_FRICTION) == 0

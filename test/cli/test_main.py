@@ -34,6 +34,7 @@ from haptic_accel.core.process import module_command
 from haptic_accel.setup.arguments import parse_arguments
 from haptic_accel.setup.processes import graph, identification_graph
 from haptic_accel.setup.replay import replay_arguments
+from nightly import rest_slow
 from running import reserved_domain, use_domain
 from verbs import output_of, status_of
 
@@ -424,7 +425,7 @@ def test_a_machine_short_of_something_is_answered_in_one_line(
         assert status == 0
 
 
-@pytest.mark.parametrize("setting", ["PYTHONIOENCODING=ascii", "LC_ALL=C PYTHONUTF8=0"])
+@pytest.mark.parametrize("setting", rest_slow(["LC_ALL=C PYTHONUTF8=0", "PYTHONIOENCODING=ascii"]))
 def test_what_the_terminal_cannot_show_is_replaced(here: Path, setting: str) -> None:
     words = ["analyze", DATA / "text", "--out", "report"]
     assert limited(f"export PYTHONCOERCECLOCALE=0 {setting}", *words, output="shown") == (0, "")
@@ -433,6 +434,7 @@ def test_what_the_terminal_cannot_show_is_replaced(here: Path, setting: str) -> 
     assert shown.isascii()
 
 
+@pytest.mark.slow
 def test_a_report_is_complete_without_a_reader(here: Path) -> None:
     words = ["analyze", DATA / "text", "--json", "found.json", "--out"]
     assert status_of(*words, "read") == 0

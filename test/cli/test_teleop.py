@@ -25,6 +25,7 @@ from haptic_accel.core.axes import ALL_AXES
 from haptic_accel.core.process import CUT_SHORT, REALTIME, module_command
 from haptic_accel.core.topics import DIAGNOSTICS, MASTER_STOPPED, SIGNALS, TOPICS, reporter
 from haptic_accel.nodes.device_node import STALL
+from nightly import rest_slow
 from observing import Observer
 from reading import deserialised
 from running import Command, ended_one_by_one, nodes_of, realtime_is_allowed, wait_until
@@ -108,7 +109,7 @@ def check_reported_evenly(bag: Path) -> None:
     assert coupler < 2 * compensator
 
 
-@pytest.mark.parametrize("rig", ["ideal", pytest.param("paper", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rig", rest_slow(["ideal", "paper"]))
 def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
     haptic_accel: Start, tmp_path: Path, domain: int, rig: str
 ) -> None:
@@ -291,7 +292,7 @@ run("coupler", Aborting)
 """
 
 
-@pytest.mark.parametrize("end", ["os.abort()", "take(lock), take(lock)"])
+@pytest.mark.parametrize("end", rest_slow(["os.abort()", "take(lock), take(lock)"]))
 @pytest.mark.quiet
 def test_middleware_that_does_not_end_when_all_is_done_is_told_from_a_fault(
     start: Callable[..., Command], end: str

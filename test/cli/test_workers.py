@@ -151,6 +151,7 @@ def test_a_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPat
         Workers(1, "tcp://127.0.0.1:1").map(runs.negative, [1.0], never)
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_to_the_last_digit(
     scheduler: str, ran: Callable[..., str], here: Path
 ) -> None:

@@ -25,6 +25,7 @@ from haptic_accel.core.trial import run_trial
 from haptic_accel.setup.files import read_parameter_file
 from haptic_accel.setup.node_parameters import node_schema
 from haptic_accel.setup.words import parse_words
+from nightly import rest_slow
 from verbs import status_of
 
 SOURCE = Path(__file__).resolve().parents[2]
@@ -296,7 +297,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize(
     "page",
-    [p for p in PAGES if p not in tutorials() and any(map(is_run, in_blocks(p)))],
+    rest_slow([p for p in PAGES if p not in tutorials() and any(map(is_run, in_blocks(p)))]),
     ids=name_of,
 )
 def test_what_a_page_tells_to_type_runs(
@@ -319,6 +320,7 @@ def needs_a_graph(words: Sequence[str]) -> bool:
 
 
 @pytest.mark.parametrize("page", tutorials(), ids=name_of)
+@pytest.mark.slow
 def test_a_tutorial_runs_from_its_first_line_to_its_last(
     page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

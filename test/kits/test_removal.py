@@ -153,7 +153,6 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_without_kits_the_experiment_runs_and_is_analysed(bare: Path) -> None:
     words = "duration:=1", "surface:=text", "controller:=dynamic"
     assert "dynamic" in command(bare, "experiment", "--lockstep", *words, "--out", "found").stdout
-    assert "dynamic" in command(bare, "analyze", "found").stdout
 
 
 def test_without_its_kit_a_peer_is_refused_in_one_line(bare: Path) -> None:

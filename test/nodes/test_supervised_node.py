@@ -27,6 +27,7 @@ from haptic_accel.devices.rclpy_internals import EventsExecutor
 from haptic_accel.nodes.crtk import Managed
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.supervised_node import Wire, Wires
+from nightly import rest_slow
 from observing import Observer
 from running import PATIENCE, wait_until
 
@@ -301,7 +302,7 @@ def rest(reader: int) -> bytes:
     raise AssertionError(f"no end after {len(text)} bytes")
 
 
-@pytest.mark.parametrize("ends", [os.pipe, terminal, stream_sockets])
+@pytest.mark.parametrize("ends", rest_slow([os.pipe, terminal, stream_sockets]))
 def test_a_process_whose_log_nobody_reads_goes_on(
     node: Callable[..., Node], ends: Callable[[], tuple[int, int]]
 ) -> None:

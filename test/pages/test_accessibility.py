@@ -22,6 +22,7 @@ from haptic_accel.scope.access import Access
 from haptic_accel.scope.paced_rig import PacedRig
 from haptic_accel.scope.server import ScopeServer
 from haptic_accel.setup.arguments import GraphArguments
+from nightly import rest_slow
 from running import wait_until
 from verbs import WITHOUT_FRICTION, status_of
 
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 Scheme: TypeAlias = Literal["light", "dark"]
 
-SCHEMES = pytest.mark.parametrize("scheme", ["light", "dark"])
+SCHEMES = pytest.mark.parametrize("scheme", rest_slow(["light", "dark"]))
 
 
 class GraphOfRig(PacedRig):

@@ -16,6 +16,7 @@ from sound_servers import CONTROLLER, RATE, SPEAKERS, Recording, SoundServer, so
 from browsing import Tones, chromium, violations
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
+from nightly import rest_slow
 from running import wait_until
 
 if TYPE_CHECKING:
@@ -235,7 +236,7 @@ def test_a_browser_that_cannot_choose_says_so_in_one_sentence(loud: Browser, ton
     address.stop()
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", rest_slow(["light", "dark"]))
 def test_no_rule_of_accessibility_is_broken(page: Page, scheme: str) -> None:
     page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
     choose(page, CONTROLLER, BOTH)

@@ -18,6 +18,7 @@ from haptic_accel.materials.folders import config_folder
 from haptic_accel.scope import server as served
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
+from nightly import rest_slow
 from running import Command, wait_until
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ class Served:
         wait_until(lambda: self.page.locator("body").count() and condition(), what)
 
 
-@pytest.fixture(params=KINDS)
+@pytest.fixture(params=rest_slow(KINDS, now=2))
 def served_page(browser: Browser, request: pytest.FixtureRequest) -> Iterator[Served]:
     one = Served(request.param, browser.new_page())
     yield one
@@ -180,6 +181,7 @@ def test_a_page_that_was_cut_is_loaded_again(served_page: Served) -> None:
     assert cut
 
 
+@pytest.mark.slow
 def test_on_a_slow_processor_the_page_comes_and_stops(served_page: Served) -> None:
     devtools = served_page.page.context.new_cdp_session(served_page.page)
     devtools.send("Emulation.setCPUThrottlingRate", {"rate": SLOWER})
@@ -190,6 +192,7 @@ def test_on_a_slow_processor_the_page_comes_and_stops(served_page: Served) -> No
 
 
 @pytest.mark.quiet
+@pytest.mark.slow
 def test_a_page_comes_whose_server_stood_still_while_it_loaded(
     browser: Browser, haptic_accel: Callable[..., Command]
 ) -> None:

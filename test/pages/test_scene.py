@@ -14,6 +14,7 @@ import pytest
 from browsing import QuietGraph, done
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
+from nightly import rest_slow
 from running import wait_until
 
 if TYPE_CHECKING:
@@ -190,7 +191,7 @@ INK = """([id, colour]) => {
 }"""
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", rest_slow(["light", "dark"]))
 def test_tool_handle_and_contact_are_drawn(page: Page, bench: Bench, scheme: str) -> None:
     page.emulate_media(color_scheme=scheme)
 

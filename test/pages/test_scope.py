@@ -206,6 +206,7 @@ def record_place(caplog: pytest.LogCaptureFixture) -> str:
     return found[1]
 
 
+@pytest.mark.slow
 def test_a_connection_that_broke_without_a_word_is_renewed(page: Page, graph: Stroking) -> None:
     page.evaluate(
         """() => {

@@ -15,6 +15,7 @@ from browsing import violations
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.paced_rig import PacedRig
 from haptic_accel.scope.server import ScopeServer
+from nightly import rest_slow
 from running import wait_until
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ def test_there_is_nothing_of_a_graph(page: Page) -> None:
     wait_until(lambda: page.locator("#arms").inner_text().endswith("engaged"), "the arms' state")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", rest_slow(["light", "dark"]))
 def test_no_rule_of_accessibility_is_broken(page: Page, scheme: str) -> None:
     page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
     wait_until(lambda: error(page) < 100.0, "the page shows all")

@@ -24,6 +24,7 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import TravelEstimator
 from haptic_accel.scope import windows
 from haptic_accel.scope.frames import PLOTS, SAMPLES, TRACES, Cursor, places_frame, plots_frame
+from nightly import rest_slow
 from running import wait_until
 
 START = 1_800_000_000 * NANOSECONDS
@@ -420,6 +421,7 @@ def test_of_samples_with_any_stamps_frames_and_metrics_are_made(
     assert time.process_time() - begun < LONGEST_CASE
 
 
+@pytest.mark.slow
 def test_an_input_that_no_motor_can_follow_has_a_high_lowest_error() -> None:
     def lowest(amplitude: float) -> float:
         made, _, _ = filled(4.0, amplitude=amplitude)
@@ -441,7 +443,7 @@ def test_without_a_plant_or_a_contact_there_is_no_lowest_error() -> None:
     assert "lowest_percent" not in silent.metrics().values
 
 
-@pytest.mark.parametrize("changed", [False, True])
+@pytest.mark.parametrize("changed", rest_slow([True, False]))
 def test_time_that_is_left_out_is_not_compared_and_no_time_for_a_new_controller(
     changed: bool,
 ) -> None:

@@ -23,7 +23,7 @@ WITHOUT_FRICTION = ("--free", ",".join(DEFAULT_FREE))
 """Words for an identification without dry friction, whose fit takes ten times as long."""
 
 
-ODD_NAMES = ("a#b?c%20d", 'grip=hook, it\'s "$x" `y` a:=b', "caf\udce9")
+ODD_NAMES = ('a#b?c%20d, grip=hook it\'s "$x" `y` a:=b', "caf\udce9")
 """Names of folders; the last one is Latin-1, hence no UTF-8."""
 
 

@@ -13,6 +13,7 @@ from haptic_accel.core.control.controllers import OWN_CONTROLLERS
 from haptic_accel.core.control.howling import HEARS
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.tick import MASTER, SLAVE
+from nightly import rest_slow
 from sensed_rigs import Mixture, Result, run_sensed
 
 RATE, SECONDS = 1000.0, 2.0
@@ -59,7 +60,7 @@ def run(controller: str, rig: str, gains: Gains, tool: FloatArray) -> Result:
     return run_sensed(controller, rig, sensors, tool)
 
 
-@pytest.mark.parametrize("rig", ["paper", "ideal"])
+@pytest.mark.parametrize("rig", rest_slow(["paper", "ideal"]))
 @pytest.mark.parametrize("kind", WRONG)
 @pytest.mark.parametrize("controller", COMPENSATING)
 def test_the_force_is_gone_soon_after_the_tool_is_silent(

@@ -135,6 +135,7 @@ UNFILTERED = 100e3
 """Corner of a sensor without low-pass at the sampling rate, Hz."""
 
 
+@pytest.mark.slow
 def test_noise_is_not_taken_for_a_mount_nor_for_a_delay() -> None:
     # The response of a sensor without low-pass jumps at whole samples of delay, and the truth lies
     # at a jump.
@@ -149,6 +150,7 @@ def test_noise_is_not_taken_for_a_mount_nor_for_a_delay() -> None:
     assert found.doubts == []
 
 
+@pytest.mark.slow
 def test_a_mount_is_found_beneath_loud_noise() -> None:
     handle = model.HandleParameters(
         m_a=0.01888, k_s=217.36, b_s=2.9209, m_h=0.11414, k_u=1184.9, b_u=13.169
@@ -160,6 +162,7 @@ def test_a_mount_is_found_beneath_loud_noise() -> None:
     assert within_intervals(found, rig)
 
 
+@pytest.mark.slow
 def test_two_dampings_that_noise_may_exchange_lie_within_their_intervals() -> None:
     handle = model.HandleParameters(
         m_a=0.02295, k_s=213.74, b_s=1.664, m_h=0.15914, k_u=1681.7, b_u=7.4043

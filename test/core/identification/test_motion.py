@@ -27,6 +27,7 @@ from haptic_accel.core.model import (
 )
 from haptic_accel.core.rig.master_rig import DriveParameters, MasterRigParameters
 from haptic_accel.core.trial import run_identification
+from nightly import rest_slow
 
 RATE = 1000.0
 SWEEP = SweepParameters()
@@ -120,7 +121,7 @@ def check_errors(fit: HandleFit, rig: MasterRigParameters, handle: HandleParamet
     assert fit.delay == pytest.approx(rig.drive.delay, abs=LARGEST_DELAY_ERROR)
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.06])
+@pytest.mark.parametrize("friction", rest_slow([0.06, 0.0]))
 def test_friction_is_found_with_the_handle(friction: float) -> None:
     rig = replace(PAPER, drive=replace(PAPER.drive, coulomb_friction=friction))
     fit, handle = identified(rig, seed=5, sweep=SHORT, trials=2)

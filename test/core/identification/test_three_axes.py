@@ -56,6 +56,7 @@ def test_the_plant_of_a_noisy_recording_is_within_a_tenth_of_a_decibel() -> None
         assert axis.friction == 0.0
 
 
+@pytest.mark.slow
 def test_dry_friction_is_fitted_and_not_part_of_the_plant() -> None:
     found = identify(trials(plant(), 1, friction=0.05), (*WITHOUT_FRICTION, "friction"))
     magnitude, phase = errors(found.plant, plant())
@@ -89,6 +90,7 @@ def covered(seeds: range) -> float:
     return float(np.mean(inside))
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_parameters() -> None:
     # Of 30 intervals that are too narrow by half, 20 would hold the truth.
     assert covered(range(2)) >= 0.85

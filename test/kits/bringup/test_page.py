@@ -18,6 +18,7 @@ from haptic_accel.devices.observed import Observation
 from haptic_accel.kits.bringup.guide import Guide
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
+from nightly import rest_slow
 from running import PATIENCE, wait_until
 
 if TYPE_CHECKING:
@@ -226,7 +227,7 @@ def test_without_a_connection_the_page_says_so_and_asks_nothing(page: Page, rig:
     assert page.locator("#link").inner_text() == "no connection"
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", rest_slow(["light", "dark"]))
 def test_no_rule_of_accessibility_is_broken(page: Page, rig: TwoSteps, scheme: str) -> None:
     page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
     for request in REQUESTS[:3]:

@@ -17,6 +17,7 @@ from browsing import LISTEN, violations
 from haptic_accel.kits.study.participant_page import ParticipantPage
 from haptic_accel.kits.study.trials import Screen
 from haptic_accel.scope.paced_rig import PacedRig
+from nightly import rest_slow
 from running import wait_until
 
 if TYPE_CHECKING:
@@ -446,7 +447,7 @@ def test_nothing_of_a_condition_reaches_the_page(page: Page, visit: Visit) -> No
         assert word not in "".join(texts)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", rest_slow(["light", "dark"]))
 @pytest.mark.parametrize(
     "screen",
     [

@@ -33,6 +33,7 @@ from haptic_accel.kits.study.report import StudyResult, analyse_study, write_rep
 from haptic_accel.kits.study.results import EXPLORATORY, PLANNED, Result
 from haptic_accel.kits.study.session import simulate_study
 from haptic_accel.kits.study.trials import PlannedTrial, SessionRecord
+from nightly import rest_slow
 from page_content import Page
 
 if TYPE_CHECKING:
@@ -240,7 +241,7 @@ def test_distances_of_levels_have_their_unit() -> None:
         assert distance_name(levels).startswith(f"distance of {factor} from 0 {name}")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", rest_slow(["light", "dark"]))
 def test_no_rule_of_accessibility_is_broken(
     browser: Browser, tmp_path: Path, scheme: Literal["light", "dark"]
 ) -> None:

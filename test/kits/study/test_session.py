@@ -24,6 +24,7 @@ from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.log import LOG, read_session
 from haptic_accel.kits.study.procedures import Plan
 from haptic_accel.kits.study.session import MOST_BROKEN_OFF, NO_CONSENT, Session, SimulatedRig
+from nightly import rest_slow
 
 STOPPED = "stopped by the participant"
 
@@ -318,7 +319,7 @@ def run_killed(study: Study, notes: Path, seconds: float) -> bool:
     return status == 0
 
 
-@pytest.mark.parametrize("sessions", [30, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("sessions", rest_slow([30, 200]))
 def test_killed_sessions_lose_nothing_and_ask_nothing_twice(tmp_path: Path, sessions: int) -> None:
     durations = []
     for name in ("first", "second", "third"):  # the first one loads libraries, too

@@ -11,11 +11,10 @@ from follow_strokes import TEXTURES, compared, learnt
 
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.texture_files import read_texture
+from nightly import rest_slow
 
 
-@pytest.mark.parametrize(
-    "name", [TEXTURES[0], *(pytest.param(each, marks=pytest.mark.slow) for each in TEXTURES[1:])]
-)
+@pytest.mark.parametrize("name", rest_slow(TEXTURES))
 def test_a_texture_learnt_from_strokes_follows_speed_and_force_within_windows(name: str) -> None:
     known = read_texture(preset_file("texture", name))
     built = learnt(known, seed=7)

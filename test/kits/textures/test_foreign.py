@@ -25,6 +25,7 @@ from haptic_accel.core.model import GRAVITY, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.surfaces.texture import Texture, TextureModel, is_ordered, to_polynomial
 from haptic_accel.kits.textures import foreign
+from nightly import rest_slow
 
 PATTERN_RATE = 2000.0
 
@@ -425,7 +426,7 @@ def are_stable(polynomials: np.ndarray) -> bool:
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("count", [1000, pytest.param(100_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", rest_slow([1000, 100_000]))
 def test_a_texture_is_stable_at_every_point_and_along_every_path(
     shape: str, count: int, tmp_path: Path
 ) -> None:

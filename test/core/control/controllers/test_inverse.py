@@ -35,6 +35,7 @@ from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.tick.control import SLIP_VELOCITY, FrictionCompensation, SampleFilter
 from haptic_accel.core.trial import Trial, run_trial
+from nightly import rest_slow
 
 RATE = 1000.0
 SILENT = model.AccelerometerParameters(noise_density=0.0, bits=32)
@@ -113,15 +114,13 @@ def test_a_rig_without_noise_follows_as_predicted(
     assert error(trial) < 20.0
 
 
-@pytest.mark.parametrize("rate", [1000.0, pytest.param(4000.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rate", rest_slow([1000.0, 4000.0]))
 def test_it_is_far_better_than_the_papers_controllers(rate: float) -> None:
     inverse = error(follow("inverse", rate)[0])
     assert inverse < 0.5 * min(error(follow(name, rate)[0]) for name in ("constant", "dynamic"))
 
 
-@pytest.mark.parametrize(
-    "rate", [50.0, 1000.0, 4000.0, pytest.param(20000.0, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("rate", rest_slow([50.0, 1000.0, 4000.0, 20000.0], now=3))
 def test_samples_give_what_the_filters_response_says(rate: float) -> None:
     parameters = InverseParameters(memory=0.1)
     loop = Loop(rate)

@@ -60,6 +60,7 @@ def test_axes_that_can_be_turned_back_change_nothing() -> None:
     assert tuple(bound(turned, tool)) == pytest.approx(tuple(bound(WITHOUT, tool)), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_coupling_with_a_causal_inverse_costs_nothing_and_a_late_one_does() -> None:
     tool = textures(0.5)
     early, late = np.zeros((3, 3, 2)), np.zeros((3, 3, 2))
