@@ -121,6 +121,7 @@ def test_a_parameter_changed_while_recording_begins_another_trial(
     assert ["gain = 2" in notes for notes in found.notes] == [False, True][:trial_count]
 
 
+@pytest.mark.slow
 def test_any_recorder_gets_what_the_figures_hang_on_though_it_joins_late(
     haptic_accel: Run, observer: Observer, tmp_path: Path
 ) -> None:

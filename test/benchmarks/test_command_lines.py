@@ -73,6 +73,7 @@ def test_memory_stays_flat_with_recording(measured: Measured, domain: int) -> No
     assert nodes_of(domain) == {}
 
 
+@pytest.mark.slow
 def test_a_device_in_its_own_process_applies_no_force_of_a_rival(
     measured: Measured, domain: int
 ) -> None:

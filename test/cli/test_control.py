@@ -128,6 +128,7 @@ objects: {mat: {shape: plane, material: rubber}}
 """
 
 
+@pytest.mark.slow
 def test_another_scene_comes_under_the_tool_while_the_graph_runs(
     haptic_accel: Start, observer: Observer, ask: Ask, tmp_path: Path
 ) -> None:

@@ -132,7 +132,7 @@ def test_live_gives_the_same_figures_and_how_samples_travelled(
         "experiment",
         "surface:=text",
         "controller:=constant",
-        "duration:=3",
+        "duration:=2",
         *("--json", "figures.json", "--out", "report"),
     )
     assert command.end() == 0, command.text

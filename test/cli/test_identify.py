@@ -367,6 +367,7 @@ def test_trials_that_lack_samples_are_left_out_with_the_command_for_others(
     assert told.endswith(" --free m_h,k_u,b_u,delay")
 
 
+@pytest.mark.slow
 def test_a_doubtful_handle_is_marked_and_the_graph_warns_of_it(
     haptic_accel: Start, ask: Callable[..., tuple[int, str]], here: Path
 ) -> None:

@@ -121,7 +121,7 @@ def test_a_terminal_shows_how_far_a_replay_is(
     start: Callable[..., Command], tmp_path: Path
 ) -> None:
     in_terminal = "import pty, sys; sys.exit(pty.spawn([sys.executable, *sys.argv[1:]]) >> 8)"
-    words = ["-m", "haptic_accel.cli.main", "replay", DATA / "text", "rate:=0.5", "output:=bag"]
+    words = ["-m", "haptic_accel.cli.main", "replay", DATA / "text", "rate:=1", "output:=bag"]
     command = start("-c", in_terminal, *words)
     command.wait_for("waiting for the arms.* 0 %")
     assert command.end() == 0, command.text

@@ -52,7 +52,7 @@ def stamp_of(message: Any) -> int:
 GRAPH_RATE = 1000.0
 """Samples per second of a graph that is not asked for another rate, Hz."""
 
-SECONDS = 2.5
+SECONDS = 1.5
 """Duration of a graph that ends by itself, s."""
 
 LEAST_TAKEN = 1 / 10
@@ -136,6 +136,7 @@ def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
     assert nodes_of(domain) == {}
 
 
+@pytest.mark.slow
 def test_a_graph_in_frames_records_every_sample(
     haptic_accel: Start, tmp_path: Path, domain: int
 ) -> None:
@@ -149,6 +150,7 @@ def test_a_graph_in_frames_records_every_sample(
     assert trial.segment.latency == 10
 
 
+@pytest.mark.slow
 def test_a_handle_with_three_coils_follows_the_tool_in_all_axes(
     haptic_accel: Start, tmp_path: Path
 ) -> None:

@@ -24,6 +24,7 @@ from haptic_accel.core.process import module_command
 from haptic_accel.devices import RESERVED
 from haptic_accel.setup.arguments import PLAYED_TOPICS
 from haptic_accel.setup.node_parameters import NODES
+from nightly import rest_slow
 from observing import Observer
 from running import PATIENCE, Command
 
@@ -190,7 +191,7 @@ def test_drivers_have_the_parameters_that_they_are_described_to_have_and_to_chan
     assert graph.end(signal.SIGINT) == 0, graph.text
 
 
-@pytest.mark.parametrize("composed", ["true", "false"])
+@pytest.mark.parametrize("composed", rest_slow(["true", "false"]))
 def test_a_handle_turned_like_the_tool_has_its_vibration_in_the_same_axes(
     install: Install, haptic_accel: Callable[..., Command], tmp_path: Path, composed: str
 ) -> None:

@@ -36,6 +36,7 @@ from haptic_accel.devices.audio import (
 )
 from haptic_accel.devices.interface import DeviceError, NoParameters
 from haptic_accel.setup.node_parameters import build_device, node_parameters
+from nightly import rest_slow
 from running import Command, nodes_of, wait_until
 from sound_cards import SOUND_RIG, sound_world
 
@@ -262,7 +263,7 @@ def test_a_handle_is_identified_through_a_card(bench: Path, start: Start) -> Non
 
 
 @pytest.mark.live
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize("end", rest_slow([signal.SIGINT, signal.SIGKILL]))
 def test_a_card_that_is_lost_is_said_and_leaves_no_force_and_no_process(
     bench: Path, start: Start, domain: int, end: signal.Signals
 ) -> None:

@@ -233,6 +233,7 @@ def test_the_verb_that_contributing_shows_runs(recipes: str) -> None:
 
 
 @pytest.mark.live
+@pytest.mark.slow
 def test_a_graph_runs_with_the_controller_and_the_driver_of_packages(
     recipes: str, haptic_accel: Callable[..., Command], monkeypatch: pytest.MonkeyPatch, here: Path
 ) -> None:

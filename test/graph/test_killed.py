@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
+
 from chaos.live_graph import FORCES, SEPARATE, LiveGraph
 from chaos.traced_node import ARM
 from haptic_accel.core.coupling.engagement import FREE_TIME
@@ -62,6 +64,7 @@ def wait_for_silence(observer: Observer, device: str, forces: list[str]) -> None
     )
 
 
+@pytest.mark.slow
 def test_a_process_that_was_stopped_engages_the_arms_again_where_they_are_then(
     observer: Observer, tmp_path: Path
 ) -> None:

@@ -20,6 +20,7 @@ from observing import Observer
 from running import Command
 
 
+@pytest.mark.slow
 def test_gains_fade_in_while_the_arms_are_coupled(
     haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
 ) -> None:

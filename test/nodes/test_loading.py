@@ -20,6 +20,7 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import SLAVE
 from haptic_accel.graph.stop_signal import PENDING
 from haptic_accel.nodes.supervised_node import message_type
+from nightly import rest_slow
 from observing import Observer
 from running import Command
 
@@ -37,7 +38,7 @@ COUPLED = SLAVE.arm_force
 """A signal of the coupler."""
 
 
-@pytest.mark.parametrize("composed", ["false", "true"])
+@pytest.mark.parametrize("composed", rest_slow(["true", "false"]))
 def test_a_running_graph_loads_nothing(
     composed: str,
     tmp_path: Path,

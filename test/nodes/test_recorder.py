@@ -128,6 +128,7 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
     assert len(with_rosbags(tmp_path / "bag")) == len(with_mcap(tmp_path / "bag"))
 
 
+@pytest.mark.slow
 def test_of_the_graphs_in_other_namespaces_nothing_is_recorded(
     start: Start, observer: Observer, tmp_path: Path
 ) -> None:

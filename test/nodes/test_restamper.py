@@ -114,6 +114,7 @@ def test_the_device_and_played_topics_give_the_controller_the_same_input(
     assert np.abs(force[-10:]).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_bag_played_at_another_speed_is_refused_in_one_line(
     haptic_accel: Start, start: Start, bag: Path
 ) -> None:

@@ -450,6 +450,7 @@ while True:
 """Sends all signals of a page as quickly as it can: some thousand of each in a second."""
 
 
+@pytest.mark.slow
 def test_a_flood_of_signals_does_not_silence_the_scope(
     start: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
 ) -> None:

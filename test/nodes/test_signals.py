@@ -33,6 +33,7 @@ from haptic_accel.core.topics import (
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.supervised_node import message_type, quality
 from haptic_accel.nodes.timing import CATCH_UP
+from nightly import rest_slow
 from observing import Observer
 from reading import with_rosbags
 from running import Command, nodes_of, wait_until
@@ -125,7 +126,9 @@ def saved(bag: list[bytes], heard: list[bytes]) -> list[bytes]:
     return heard[: len(heard) - len(missing)]
 
 
-@pytest.mark.parametrize(("composed", "killed"), [("false", "slave_device"), ("true", "")])
+@pytest.mark.parametrize(
+    ("composed", "killed"), rest_slow([("false", "slave_device"), ("true", "")])
+)
 def test_a_bag_has_what_a_subscriber_of_everything_gets_and_more_by_nobody(
     haptic_accel: Start,
     observer: Observer,
