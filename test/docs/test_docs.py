@@ -31,6 +31,8 @@ SOURCE = Path(__file__).resolve().parents[2]
 FOLDERS = "docs", "haptic_accel", "test/chaos"
 DOCS = sorted(page for folder in FOLDERS for page in (SOURCE / folder).rglob("*.md"))
 PAGES = [*DOCS, *sorted(SOURCE.glob("*.md"))]
+MOST_PAGES, MOST_BYTES = 15, 170_000
+"""Most pages that concern everybody, and their size; kits and devices have their own."""
 
 READERS = re.compile(r"^\*For: [^*]+\.\*$", re.MULTILINE)
 LINK = re.compile(r"(?<!\\)\[[^\]]*\]\(([^)\s]+)\)")
@@ -140,6 +142,12 @@ def test_every_page_says_for_whom_it_is(page: Path) -> None:
     assert title.startswith("# ")
     assert not blank
     assert READERS.match(readers), readers
+
+
+def test_the_pages_can_be_read_by_one_person() -> None:
+    general = [page for page in DOCS if page.parent.name == "docs"]
+    assert len(general) <= MOST_PAGES
+    assert sum(page.stat().st_size for page in general) <= MOST_BYTES
 
 
 def test_every_page_is_in_the_index() -> None:
