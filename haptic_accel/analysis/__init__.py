@@ -11,7 +11,7 @@ In a notebook::
     trials(analysis).groupby(["controller", "surface"])["nrmse_percent"].describe()
 
 Tables are pandas data frames. Notebooks, plotting libraries and statistics packages read these
-without conversion. pandas is packaged in Debian and known to rosdep as ``python3-pandas``.
+without conversion. Debian packages pandas, and rosdep knows it as ``python3-pandas``.
 """
 
 from haptic_accel.analysis.frames import bands, compare, groups, load, signals, spectra, trials

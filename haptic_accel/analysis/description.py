@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Graph that recorded a bag: what its metadata and the changes of its parameters state."""
+"""Description of the graph that recorded a bag, from metadata and parameter changes."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _CONDITIONS = {
 
 
 _FIGURES = ("compensator", "coupler", "master_device", "slave_device")
-"""Nodes with parameters that a metric or a bound depends on."""
+"""Nodes whose parameters affect a metric or a bound."""
 
 
 ALTERED = " (altered)"
@@ -65,13 +65,13 @@ class Description:
     ----------
     condition : Condition
     arguments : mapping
-        Arguments of the graph, as they hold in the section.
+        Arguments of the graph in this section.
     parameters : Parameters
         Parameters of the nodes that the bag states.
     controllers : dict
         Parameters of the controllers by name.
     rig : RigParameters or None
-        Virtual rig of the run, or the rig given for the handle.
+        Virtual rig of the run, or the rig specified for the handle.
     seed : int
         Seed of the user's grip.
     rate, high_pass_frequency, actuator, pair, latency
@@ -104,14 +104,14 @@ class Description:
 
     @property
     def is_simulated(self) -> bool:
-        """True if the handle was a simulated one."""
+        """True if the handle was simulated."""
         return self.arguments.get("master") in (SIMULATED, POINTER)
 
     @property
     def waits(self) -> bool:
-        """True if the handle's world stood still with its node's process.
+        """True if the simulation of the handle stops while its node's process is paused.
 
-        In frames a simulated handle receives its forces ahead: one that is late acts late.
+        With frames, a simulated handle receives forces ahead of time, so a late force acts late.
         """
         return self.is_simulated and self.arguments.get("frame", 1) == 1
 
@@ -130,7 +130,7 @@ class Description:
         Raises
         ------
         ParameterError
-            It cannot be read.
+            The model cannot be read.
         """
         if not self.told or not self.told.model:
             return None
@@ -149,12 +149,12 @@ def described(
     rate : float
         Samples per second.
     rig : RigParameters, optional
-        Rig with the handle, for a bag without its own description.
+        Rig with the handle, for a bag that does not describe its handle.
 
     Raises
     ------
     ParameterError
-        The bag describes its own handle, and a rig is given.
+        The bag describes its handle, and a rig is specified too.
     """
     problems: list[str] = []
     arguments, nodes = known_arguments(recorded.facts), parameters.values
@@ -208,8 +208,8 @@ def described(
 def surface_of(recorded: Bag) -> str:
     """Return the name of the surface, or of the played recording, from a bag.
 
-    An operator's host does not know the surface at the robot. Under a real tool it is known if the
-    user named it.
+    An operator's host does not know the surface at the robot. The surface under a real tool is
+    known if the user named it.
     """
     arguments = known_arguments(recorded.facts)
     slave = Parameters.from_metadata(recorded.facts).values.get("slave_device", {})
@@ -224,7 +224,7 @@ def surface_of(recorded: Bag) -> str:
         return Path(str(slave.get(SCENE, asked or UNKNOWN))).stem
     if is_recording(asked):
         return "recording"
-    # Before 0.4, devices of real rigs declare the parameters of the simulated surface, too.
+    # Before 0.4, devices of real rigs also declare the parameters of the simulated surface.
     named = slave.get(f"{_SURFACE}name") if arguments.get("slave", SIMULATED) == SIMULATED else ""
     return str(named or Path(asked).stem or UNKNOWN)
 
@@ -251,9 +251,9 @@ def run_of(recorded: Bag) -> str:
 
 
 def sections(recorded: Bag, start: Description) -> list[tuple[int, Description]]:
-    """Return the descriptions of a bag's sections with the time of each, ns; the first is 0."""
+    """Return the start time, ns, and description of each section of a bag; the first time is 0."""
     found = [(0, start)]
-    # Nodes of before 0.4 declare the parameters of all devices, and their recorder receives them.
+    # Before 0.4, nodes declare the parameters of all devices, and the recorder receives them.
     unused = _SURFACE if start.arguments.get("slave") == VIRTUAL else SCENE
     changes = (each for each in recorded.changes if not each.parameter.startswith(unused))
     parameters = start.parameters
@@ -279,7 +279,7 @@ def sections(recorded: Bag, start: Description) -> list[tuple[int, Description]]
 def _set(
     recorded: Bag, parameters: Parameters, before: Description, change: Change
 ) -> Description:
-    """Return the description after a change of a parameter that belongs to no condition."""
+    """Return the description after a change of a parameter that is not part of the condition."""
     after = described(recorded, parameters, before.rate)
     name = f"{change.node}: {change.parameter} = "
     others = (note for note in before.notes if not note.startswith(name))

@@ -41,7 +41,7 @@ LOST_SHARE = 0.01
 """Fraction of missing samples of a signal, or of late forces, above which there is a warning."""
 
 LATE = "took effect late"
-"""Words on forces after their due time."""
+"""Text for forces that act after their due time."""
 
 RUN_NOTES = {
     True: "Every condition ran in lockstep: no ROS, no clock, same numbers for the same seed.",
@@ -89,7 +89,7 @@ def lockstep_error(arguments: GraphArguments) -> float:
 
 
 def channel_setting(channel: ChannelParameters | None) -> dict[str, str]:
-    """Return the description of a network for the settings of a page; empty without one."""
+    """Return the description of a network for a page's settings; empty without a network."""
     if channel is None:
         return {}
     delay, jitter = MILLI * channel.delay, MILLI * channel.jitter
@@ -97,7 +97,7 @@ def channel_setting(channel: ChannelParameters | None) -> dict[str, str]:
 
 
 def beside_lockstep(analysis: Analysis, expected: Mapping[Path, float]) -> ResultTable | None:
-    """Return the errors of each controller and surface live and, in brackets, in lockstep."""
+    """Return live errors (lockstep errors in brackets) by controller and surface."""
     cells: dict[str, dict[str, str]] = {}
     for trial in analysis.trials:
         if trial.segment.bag in expected:
@@ -132,7 +132,7 @@ def trial_metrics(trial: AnalysedTrial, run: Run) -> dict[str, Any]:
 
 
 def experiment_warnings(analysis: Analysis, *, composed: bool) -> Iterator[str]:
-    """Yield reasons to doubt the metrics: missing samples, late forces.
+    """Yield warnings about the metrics: missing samples, late forces.
 
     Warnings of nodes are in the page's notes on single trials.
     """
@@ -178,19 +178,19 @@ def _worst(delivery: Delivery, count: str) -> tuple[str, float]:
 
 @dataclass(frozen=True)
 class Run:
-    """An experiment that was run.
+    """Completed run of an experiment.
 
     Attributes
     ----------
     arguments : GraphArguments
         Common arguments of all conditions.
     done : mapping
-        Arguments of each condition, by its bag.
+        Arguments of each condition by bag.
     channel : ChannelParameters or None
         Simulated network, if there was one.
     lockstep : bool
     expected : mapping
-        Errors of a live run's conditions in lockstep, %, by bag, as far as known.
+        Known lockstep errors of a live run's conditions, %, by bag.
     """
 
     arguments: GraphArguments
@@ -260,7 +260,7 @@ def experiment_metrics(run: Run, analysis: Analysis) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class RecordedCondition:
-    """A condition, and the bag that it is recorded to."""
+    """Condition, and the bag for its recording."""
 
     bag: Path
     arguments: GraphArguments
@@ -285,7 +285,7 @@ def recorded_conditions(
 
 
 def set_aside(bag: Path) -> None:
-    """Rename the bag of a condition whose run was interrupted, or whose process was lost."""
+    """Rename the bag of a condition whose run was interrupted, or whose process died."""
     if bag.exists():
         folder = bag.parent.parent / "interrupted"
         folder.mkdir(exist_ok=True)
@@ -303,6 +303,6 @@ def run_lockstep(condition: RecordedCondition) -> str:
 
 
 def condition_line(arguments: GraphArguments, error: float) -> str:
-    """Return the line on a condition that has ended, with its error in %."""
+    """Return the report line of a completed condition, with its error in %."""
     name = f"{Path(arguments.surface).stem} / {arguments.controller} / seed {arguments.seed}"
     return f"{name}: {number(error, 1)} %"

@@ -3,11 +3,11 @@
 
 """Metrics of bags as data frames, for tables, files and pages, and comparisons of two sides.
 
-Their CSV is for spreadsheets, which take a cell that begins with one of `STARTS` as a formula that
-may run programs or send data; names in protocols and bags come from others. Such a text gets an
-apostrophe before it, and so does one that begins with an apostrophe, so that taking one off gives
-the text back. Numbers are as they are. A line within a text ends with a line feed alone. After
-OWASP, "CSV injection".
+CSV output is safe for spreadsheets. These interpret a cell that begins with one of `STARTS` as a
+formula, which may run programs or send data, and names in protocols and bags may come from others.
+Such texts, and texts that begin with an apostrophe, are prefixed with an apostrophe; removing it
+restores the text. Numbers remain unchanged. Lines within a text end with a line feed. See OWASP,
+"CSV injection".
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ STARTS = (
     *("\N{FULLWIDTH EQUALS SIGN}", "\N{FULLWIDTH PLUS SIGN}"),
     *("\N{FULLWIDTH HYPHEN-MINUS}", "\N{FULLWIDTH COMMERCIAL AT}"),
 )
-"""First characters of texts that get an apostrophe."""
+"""First characters of texts that are prefixed with an apostrophe."""
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.ASCII | re.IGNORECASE)
 
 
 def inert(value: Any) -> Any:
-    """Return a cell that no spreadsheet takes for a formula.
+    """Return a cell that spreadsheets do not interpret as a formula.
 
     Examples
     --------
@@ -56,13 +56,13 @@ def inert(value: Any) -> Any:
 
 
 def csv_text(frame: pd.DataFrame, separator: str = ",", unknown: str = "") -> str:
-    """Return a table as CSV; a named index is a column.
+    """Return a table as CSV; a named index becomes a column.
 
     Parameters
     ----------
     frame : DataFrame
     separator, unknown : str
-        Text between two cells, and in place of an unknown value.
+        Text between two cells, and text for an unknown value.
     """
     whole = frame.reset_index() if frame.index.name is not None else frame
     cells = whole.rename(columns=inert)
@@ -107,7 +107,7 @@ def load(*paths: Path | str, shift: str = "granted", apart: bool = False) -> Ana
         ``granted`` for latency and granted delay, ``paper`` for one sample, ``measured``, or
         milliseconds.
     apart : bool
-        True if the paths are runs to be compared: the same trial counts once in each.
+        True if the paths are runs to be compared: a trial in several runs then counts in each run.
 
     Returns
     -------
@@ -156,7 +156,7 @@ def _row(trial: AnalysedTrial) -> dict[str, Any]:
 
 
 def _readable(path: str) -> str:
-    """Return a path with ? for what is no text, which tables of pyarrow refuse."""
+    """Return a path with ? for undecodable bytes, which pyarrow's tables refuse."""
     return path.encode(errors="replace").decode()
 
 
@@ -166,7 +166,7 @@ def band_column(band: str) -> str:
 
 
 def vector_metrics(analysis: Analysis) -> list[str]:
-    """Return the names of those of `VECTOR_METRICS` that any trial has."""
+    """Return the names of the `VECTOR_METRICS` that at least one trial has."""
     found = {name for trial in analysis.trials for name in trial.metrics}
     return [name for name in VECTOR_METRICS if name in found]
 
@@ -269,7 +269,7 @@ def table_two(found: pd.DataFrame) -> TableTwo:
     """Return Table II for groups of trials.
 
     The average includes only surfaces with an error for every controller, so that controllers are
-    comparable. The paper's average is given only if these are its own surfaces.
+    comparable. The paper's average is included only if these are the paper's surfaces.
     """
     known = {(row["controller"], row["surface"]): row for row in found.to_dict("records")}
     errors = {key: row["nrmse_percent"] for key, row in known.items()}
@@ -306,14 +306,14 @@ def table_two(found: pd.DataFrame) -> TableTwo:
 
 
 def _range(counts: Sequence[int]) -> str:
-    """Return a number that all have, or the least and the most."""
+    """Return the common count, or the range of the counts."""
     return " to ".join(str(each) for each in sorted({min(counts), max(counts)}))
 
 
 def _table_bounds(
     found: pd.DataFrame, surfaces: Sequence[str], common: Sequence[str]
 ) -> dict[str, list[float]]:
-    """Return the mean bounds of each surface over controllers, and their mean if several."""
+    """Return each surface's mean bounds over controllers, and for several surfaces their mean."""
     if found.empty:
         return {}
     means = found.groupby("surface")[list(BOUNDS)].mean().reindex(list(surfaces))
@@ -364,12 +364,12 @@ def signals(path: Path | str, number: int = 1) -> pd.DataFrame:
     -------
     DataFrame
         Tool, desired and handle acceleration in m/s^2 and actuator force in N, if recorded, by
-        topic name; of several axes, a column for each, as in ``slave/tool/acceleration_x``.
+        topic name. Several axes have a column each, as in ``slave/tool/acceleration_x``.
 
     Raises
     ------
     ParameterError
-        The path is no bag, or the bag has no such trial.
+        The path is not a bag, or the bag has no such trial.
     """
     return segment_signals(read_segment(Path(path), number))
 
@@ -401,10 +401,10 @@ class Comparison:
     first, second : str
         Names of the two sides.
     pairs : DataFrame
-        A row for each two trials that differ only in the compared property: ``key``, their common
-        properties; ``surface``; NRMSE of each side in percent, ``first`` and ``second``.
+        A row for each pair of trials that differ only in the compared property: ``key``, their
+        common properties; ``surface``; NRMSE of each side in percent, ``first`` and ``second``.
     unpaired : list of str
-        Names of trials on either side without a counterpart or an error.
+        Names of trials without a counterpart or without an error.
     differences : dict of PairedDifference
         Difference of the NRMSE in percent, second minus first, over ``all`` pairs. For several
         surfaces, also over each surface's pairs.
@@ -418,7 +418,7 @@ class Comparison:
 
     @property
     def frame(self) -> pd.DataFrame:
-        """Table with a row for the difference over all surfaces, and one for each."""
+        """Table with the difference over all surfaces, and for each surface."""
         return pd.DataFrame(
             {
                 "first": self.first,
@@ -470,7 +470,7 @@ def compared(analysis: Analysis, comparison: str, paths: Sequence[Path] = ()) ->
     comparison : str
         ``runs``, or ``controller:A,B``.
     paths : sequence of Path
-        Paths given by the user; for ``runs``, the two to compare.
+        Paths specified by the user; for ``runs``, the two to compare.
 
     Raises
     ------
@@ -517,8 +517,8 @@ def _errors(side: pd.DataFrame, name: str) -> pd.DataFrame:
 
 
 def compare(analysis: Analysis, comparison: str, paths: Sequence[Path] = ()) -> pd.DataFrame:
-    """Test two controllers or runs; return a row for all surfaces, and one for each.
+    """Test two controllers or runs; return a row for all surfaces, and one per surface.
 
-    Parameters as for `compared`.
+    See `compared` for the parameters.
     """
     return compared(analysis, comparison, paths).frame

@@ -52,7 +52,7 @@ def evaluate(
     free: Sequence[str],
     tell: Tell = lambda _: None,
 ) -> Result:
-    """Fit the model to recordings, of three axes if they have three.
+    """Fit a model to recordings: a three-axis model if these have three axes.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def evaluate(
     free : sequence of str
         Parameters of the model to fit.
     tell : callable
-        Called with the name of each of `evaluation_stages` as it begins.
+        Callback with the name of each of `evaluation_stages` as it begins.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def evaluate(
         stretched = _coil_travel(axes, actuator.travel)
         return ThreeAxisResult(axes, actuator, latency, [*stretched, *axes.doubts])
     found = identify_handle(recorded, sweep, *sensed, known=handle, free=free, tell=tell)
-    # Of each grip, the doubt on the largest travel.
+    # Keep the warning of each grip with the largest travel.
     travel = [
         max(check_travel(name, each, grip.fit.handle, actuator.travel) for each in grip.trials)
         for name, grip in found.grips.items()
@@ -119,7 +119,7 @@ def _has_three_axes(recorded: Recorded) -> bool:
 
 
 def _coil_travel(found: ThreeAxisIdentification, most: float) -> list[str]:
-    """Return a doubt for each coil whose largest estimated travel comes near its stops, m."""
+    """Return a warning for each coil whose estimated travel, m, comes close to its stops."""
     doubts = []
     for coil, (name, fit) in enumerate(found.fits.items()):
         alone = [
@@ -150,16 +150,16 @@ def rig_as_held(setup: Setup[IdentifyArguments]) -> RigParameters:
 # Recordings
 
 MOST_MISSING = 0.01
-"""Largest share of missing samples with which a trial is evaluated (assumed)."""
+"""Maximum share of missing samples in an evaluated trial (assumed)."""
 
 DISTURBANCES = "interruptions", f"{AGE_OF} deadlines missed"
-"""Counts in the device's diagnostics that spoil a measurement."""
+"""Counters in the device's diagnostics whose increase invalidates samples."""
 
 NOTICED = 64
-"""Largest number of samples between an interruption and its count."""
+"""Maximum number of samples between an interruption and the increase of its counter."""
 
 COLUMNS = {"actuator_force": FORCE, "handle_acceleration": ACCELERATION}
-"""Columns of a CSV file; without a unit in the title in N and m/s^2."""
+"""Columns of a CSV file; the default units are N and m/s^2."""
 
 
 @dataclass
@@ -173,7 +173,7 @@ class Recordings:
     age : float
         Mean age of forces without a due time, s.
     left_out : list of RecordingError
-        Errors of bags, some of whose trials miss too many samples.
+        Errors about bags with trials that lack too many samples.
     """
 
     trials: dict[str, list[sweeps.IdentificationTrial]] = field(default_factory=dict)
@@ -195,14 +195,14 @@ def run_lockstep(setup: Setup[IdentifyArguments]) -> list[sweeps.IdentificationT
 
 
 def named(sources: Sequence[str], grip: str) -> Iterator[tuple[str, Path]]:
-    """Yield grip and path of each source, ``GRIP=PATH``, or ``PATH`` with the grip given.
+    """Yield grip and path of each source: ``GRIP=PATH``, or ``PATH`` with the default grip.
 
-    A path may hold a = itself: in its folders, or as the only one of both that exists.
+    A source is a path if its part before = contains a slash, or if a file has the whole name.
 
     Raises
     ------
     ParameterError
-        Both exist.
+        Files with both names exist.
     """
     for source in sources:
         name, separator, path = source.partition("=")
@@ -223,17 +223,17 @@ def read_recordings(
     Parameters
     ----------
     paths : iterable of tuple
-        Grip and path of each.
+        Grip and path of each recording.
     arguments : IdentifyArguments
     recording_rate : float
-        Sampling rate of CSV files, Hz; 0 for that of their times, or else the graph's.
+        Sampling rate of CSV files, Hz; 0 to use their time column, or else the graph's rate.
 
     Raises
     ------
     ParameterError
-        They differ in rate or latency.
+        The recordings differ in rate or latency.
     RecordingError
-        A bag is not of an identification, or no trial can be evaluated.
+        A bag is not from an identification, or no trial can be evaluated.
     """
     found = Recordings()
     ages = []
@@ -267,7 +267,7 @@ def read_recordings(
 def _trials(
     bag: Bag, arguments: IdentifyArguments, left_out: list[RecordingError]
 ) -> list[sweeps.IdentificationTrial]:
-    """Return the trials of a bag, without those that miss too many samples.
+    """Return the trials of a bag, without those that lack too many samples.
 
     Raises
     ------
@@ -282,7 +282,7 @@ def _trials(
     else:
         force, acceleration = force[:, ACTUATOR_AXIS], acceleration[:, ACTUATOR_AXIS]
     found = sweeps.find_trials(force, acceleration, sweep, rate, missing, bag.latency or 0, wave)
-    # The device's counts do not name the trial.
+    # The device's counters do not identify the trial.
     values = _last_values(bag)
     for trial in found:
         trial.counters.update((key, int(values.get(key, 0))) for key in (STOPS_HIT, *LIMITED))
@@ -318,8 +318,8 @@ def _read_excited(bag: Bag, rate: float) -> tuple[FloatArray, FloatArray, BoolAr
     actuator_force, handle_acceleration : ndarray, shape (n, 3)
         N and m/s^2; each force is at the sample that caused it.
     missing : ndarray of bool, shape (n,)
-        True for samples missing in the bag, which repeat the previous value, and for those that
-        the device lost or was late for.
+        True for samples missing in the bag, which repeat the previous value, and for samples at
+        interruptions or late forces of the device.
 
     Raises
     ------
@@ -347,9 +347,9 @@ def _read_excited(bag: Bag, rate: float) -> tuple[FloatArray, FloatArray, BoolAr
 
 
 def _disturbed(bag: Bag, start: int, rate: float, length: int) -> BoolArray:
-    """Return a mask of samples around interruptions of the device, and of as many as were late.
+    """Return a mask of samples near interruptions or late forces of the device.
 
-    The device counts both; where between two of its reports they were is not known.
+    The device counts both. Their exact time between two of its reports is unknown.
     """
     found = np.zeros(length, dtype=bool)
     for before, after in pairwise(x for x in bag.diagnostics if x.node == "master_device"):
@@ -363,7 +363,7 @@ def _disturbed(bag: Bag, start: int, rate: float, length: int) -> BoolArray:
 def _force_age(bag: Bag) -> float:
     """Return the median age of the actuator's forces applied on arrival, s.
 
-    0 for forces with a due time, and without diagnostics of them.
+    The age is 0 for forces with a due time, and without diagnostics of forces.
     """
     if bag.latency:
         return 0.0

@@ -36,7 +36,7 @@ POINTS = 400
 DEGREES = 180 / math.pi
 """Degrees per radian."""
 
-# Label, colour, width, order and dashes; overlapping lines differ in width and dashes.
+# Tuples of label, colour, width, order and dashes; overlapping lines differ in width and dashes.
 _MODELS: Sequence[tuple[str, str, float, float, Any]] = (
     ("full model, as sampled", BLUE, 2.2, 4, "-"),
     ("discrete model", plots.BLACK, 1.2, 5, (0, (4, 2))),
@@ -48,7 +48,7 @@ _MODELS: Sequence[tuple[str, str, float, float, Any]] = (
 Grips = Mapping[str, GripIdentification]
 """Identifications by name of the grip."""
 
-_AVERAGED_POINTS = 28  # drawn for an averaged estimate; more would hide the models
+_AVERAGED_POINTS = 28  # maximum for an averaged estimate; more would hide the models
 _MARGIN_DEGREES = 20.0  # beyond the drawn range
 _MARGIN_FACTOR = 1.3  # of magnitude beyond the drawn range
 _MOST_DATA = (1.0, 99.0)  # percentiles of the data within the axes
@@ -102,7 +102,7 @@ def model_plot(found: Identification) -> Figure:
         near = np.interp(data.frequency, frequency, phases[0])
         magnitude.plot(data.frequency, np.abs(data.response), **style)
         angle = np.angle(data.response) * DEGREES
-        angle -= 360 * np.round((angle - near) / 360)  # within half a turn of the model's
+        angle -= 360 * np.round((angle - near) / 360)  # to within half a turn of the model's phase
         (marks[label],) = phase.plot(data.frequency, angle, **style, label=label)
     _scale_magnitude(magnitude, np.abs(models), found)
     phase.set_ylim(np.min(phases) - _MARGIN_DEGREES, np.max(phases) + _MARGIN_DEGREES)
@@ -204,7 +204,7 @@ def coherence_plot(found: Identification) -> Figure:
 
 
 def _finish(panel: Axes, found: Identification, keys: Sequence[Line2D]) -> None:
-    """Scale the frequency axis of a panel, and add a legend beside it."""
+    """Scale the frequency axis of a panel, and add a legend next to the panel."""
     frequency_axis(panel, *found.band, ends=True)
     rule(panel)
     look: Style = {"bbox_to_anchor": (1.01, 1.0), "frameon": False, "handlelength": 3.2}
@@ -214,8 +214,8 @@ def _finish(panel: Axes, found: Identification, keys: Sequence[Line2D]) -> None:
 
 
 ANISOTROPY = "anisotropy (largest over smallest singular value of the response)"
-"""Condition number of a response at one frequency. That of the coils' directions, which
-alone has a limit, is another number."""
+"""Condition number of a response at one frequency; differs from the condition number of the coils'
+directions, which has a limit."""
 
 
 _AXIS_COLORS = dict(zip(NAMES, (plots.BLUE, plots.VERMILION, plots.GREEN), strict=True))

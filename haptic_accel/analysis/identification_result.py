@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Results of an identification with any number of coils: what all have, and their tables."""
+"""Results of an identification with one or three coils: metrics, tables, figures and page."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ PARAMETER_FILE = "handle.yaml"
 """Name of the parameter file to which the page refers."""
 
 MODEL_FILE = "identification.json"
-"""Name of a file of metrics that the compensator reads."""
+"""Name of the metrics file that the compensator reads."""
 
 KNOWN = "known"
 """Text for the standard error of a parameter that was not fitted."""
@@ -75,10 +75,10 @@ class ModelError:
 
 
 LOWEST_COMPARED = 15.0
-"""Frequency below which the compensator's high-pass passes nothing (paper), Hz."""
+"""Frequency below which the compensator's high-pass blocks the signal (paper), Hz."""
 
 HIGHEST_COMPARED = 400.0
-"""Frequency above which the true response lies in the accelerometer's noise, Hz."""
+"""Frequency above which the true response is below the accelerometer's noise, Hz."""
 
 POOLED = "all grips"
 """Heading of the fit to all trials of several grips."""
@@ -87,7 +87,7 @@ POOLED_NOTE = (
     "models of all grips pooled are a compromise between them, the discrete model most of all; for"
     " the best model of one grip, identify that grip alone"
 )
-"""Note on several grips."""
+"""Note on a page for a handle held with several grips."""
 
 
 Found = TypeVar("Found", Identification, ThreeAxisIdentification)
@@ -101,11 +101,11 @@ class _Result(Generic[Found]):
     ----------
     found : Identification or ThreeAxisIdentification
     actuator : ActuatorParameters
-        Actuator of each axis as known before the identification.
+        Actuator of each axis before the identification.
     latency : int
         Latency of the recordings, samples.
     doubts : sequence of str
-        Reasons to doubt the fits, one line each.
+        Warnings about the fits, one line each.
     truth : HandleParameters or None
         Parameters of a simulated handle with one coil, if known.
     errors : mapping of ModelError
@@ -123,11 +123,11 @@ class _Result(Generic[Found]):
     """Template of the page."""
 
     model_file = ""
-    """Name of a file of metrics that the parameter file names; empty without one."""
+    """Name of the metrics file that the parameter file refers to; empty if none."""
 
     @property
     def notes(self) -> list[str]:
-        """Warnings to the reader of the metrics."""
+        """Warnings for readers of the metrics."""
         return [*self.doubts, *self.found.outliers]
 
     @property
@@ -160,12 +160,12 @@ class OneAxisResult(_Result[Identification]):
 
     @property
     def notes(self) -> list[str]:
-        """Warnings to the reader of the metrics."""
+        """Warnings for readers of the metrics."""
         return super().notes + [POOLED_NOTE] * (len(self.found.grips) > 1)
 
     @property
     def fits(self) -> dict[str, HandleFit]:
-        """Fit of each grip and, if there are several, of all together."""
+        """Fit of each grip and, for several grips, of all grips together."""
         fits = {name: grip.fit for name, grip in self.found.grips.items()}
         return fits if len(fits) == 1 else {**fits, POOLED: self.found.fit}
 
@@ -209,14 +209,14 @@ class OneAxisResult(_Result[Identification]):
         sweep : SweepParameters
             Excitation of the comparison.
         on_arrival : bool
-            True if forces took effect on arrival. Their age adds to the rig's own delay and is
-            part of the models, so the identified delay is used as the true one.
+            True if forces took effect on arrival. The forces' age adds to the rig's own delay and
+            is part of the models, so the identified delay counts as the true one.
         """
         errors = model_errors(self.found, rig, sweep, self.band, on_arrival)
         return replace(self, truth=rig.master.handle, errors=errors)
 
     def sentences(self) -> Iterator[str]:
-        """Yield errors against the true response, and the delay of the hardware."""
+        """Yield sentences on errors against the true response, and on the hardware's delay."""
         for name, error in self.errors.items():
             yield (
                 f"{name} model against the true response, {self.band[0]:g} to {self.band[1]:g} Hz:"
@@ -230,7 +230,7 @@ class OneAxisResult(_Result[Identification]):
     def parameters(self, age: float, model: Path) -> dict[str, dict[str, Any]]:
         """Return the parameters of each node that describe the handle, and its controllers.
 
-        The compensator reports the doubts as a warning.
+        The compensator reports the fits' warnings.
 
         Parameters
         ----------
@@ -238,7 +238,7 @@ class OneAxisResult(_Result[Identification]):
             Age of forces applied on arrival, s. A controller compensates it, as part of the delay,
             but it is not part of the simulated handle's own delay.
         model : Path
-            File of the metrics, of which the compensator of several axes reads its plant.
+            File of the metrics, from which a compensator of several axes reads its plant.
         """
         del model  # the parameters hold all models
         found, fit = self.found, self.found.fit
@@ -340,8 +340,8 @@ def model_errors(
     band : tuple of float
         Lowest and highest frequency compared, Hz.
     on_arrival : bool
-        True if forces took effect on arrival. Their age adds to the rig's own delay and is part of
-        the models, so the identified delay is used as the true one.
+        True if forces took effect on arrival. The forces' age adds to the rig's own delay and is
+        part of the models, so the identified delay counts as the true one.
 
     Returns
     -------
@@ -407,7 +407,7 @@ class ThreeAxisResult(_Result[ThreeAxisIdentification]):
         return replace(self, errors={"plant": plant_error(modelled, true)})
 
     def sentences(self) -> Iterator[str]:
-        """Yield the error against the true response, coherence, coupling and delays."""
+        """Yield sentences on the model error, coherence, coupling and delays."""
         response = self.found.response
         for error in self.errors.values():
             yield (
@@ -445,7 +445,7 @@ class ThreeAxisResult(_Result[ThreeAxisIdentification]):
 
     def parameters(self, age: float, model: Path) -> dict[str, dict[str, Any]]:
         """Return the parameters of each node that describe the handle."""
-        del age  # nothing is told to a simulated device
+        del age  # a simulated device has no parameter for the age
         damping = float(np.mean([fit.handle.b_s for fit in self.fits.values()]))
         actuator = vars(self.actuator) | {"b_s": damping}
         plant = {"model": str(model), "doubt": "; ".join(self.doubts)}
@@ -498,7 +498,7 @@ def _with_intervals(fit: HandleFit) -> dict[str, Any]:
 
 
 def plant_error(modelled: ComplexArray, true: ComplexArray) -> ModelError:
-    """Return the largest errors of a plant's response, of the elements that are not too weak.
+    """Return the largest errors of a plant's response, without elements that are too weak.
 
     Parameters
     ----------
@@ -524,8 +524,8 @@ def write_report(
     Parameters
     ----------
     folder : Path
-        Folder, created if necessary. The page refers to a file ``handle.yaml`` in it. The
-        plots are also saved beside it.
+        Folder, created if necessary. The page refers to a file ``handle.yaml`` in it. The plots
+        are also saved in the folder.
     sweep : SweepParameters
         Excitation of the handle.
     settings : mapping of str to str
@@ -554,7 +554,7 @@ def write_report(
 
 @dataclass(frozen=True)
 class Row:
-    """Row of the parameter table: true value, and for each fit value and error."""
+    """Row of the parameter table: true value, and value and error of each fit."""
 
     name: str
     text: str
@@ -564,7 +564,7 @@ class Row:
 
 
 def _quantities() -> Iterator[tuple[str, str, str, float]]:
-    """Yield name, text, unit, and the factor to that unit, for all possible fitted quantities."""
+    """Yield name, label, unit, and factor to that unit of all quantities that may be fitted."""
     for name, (_, given) in own_schema(HandleParameters).items():
         yield name, given.text, given.unit, 1.0
     yield "friction", "dry friction of the actuator's bearing", "N", 1.0
@@ -586,7 +586,7 @@ def parameter_rows(
     Parameters
     ----------
     by_column : mapping of str to HandleFit
-        Fits, each with a cell in a row.
+        Fits, one per column.
     truth : HandleParameters or None
         Parameters of a simulated handle, if known.
     """
@@ -673,7 +673,7 @@ def fit_metrics(fit: HandleFit) -> dict[str, Any]:
 
 
 def plain(values: Mapping[str, Any]) -> dict[str, float]:
-    """Return numbers rounded to six digits for a parameter file."""
+    """Round numbers to six digits for a parameter file."""
     return {name: float(f"{value:.6g}") for name, value in values.items()}
 
 
@@ -682,7 +682,7 @@ def plain(values: Mapping[str, Any]) -> dict[str, float]:
 _DPI = 130  # pixels per inch
 _CSS_DPI = 96  # pixels per inch of a page
 _DIGITS = 5  # significant digits of a value with unknown error
-_MOST_DIGITS = 7  # for a very small error
+_MOST_DIGITS = 7  # maximum, for a very small error
 _ERROR_DIGITS = 2  # of a standard error
 
 

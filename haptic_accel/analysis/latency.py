@@ -37,10 +37,10 @@ COUNTS = {
     *("due", "missed", "past_tick", "late_s", "of", "late", "lost", "ticks"),
     "dropped_by_recorder",
 }
-"""Metrics that are added, whatever joins the others."""
+"""Metrics that are always added."""
 
 MAXIMA = {"max", "longest_us"}
-"""Metrics of which the largest counts."""
+"""Metrics whose maximum is kept."""
 
 
 def merged(values: Sequence[Any], join: Callable[[Iterable[Any]], Any], name: str = "") -> Any:
@@ -50,7 +50,7 @@ def merged(values: Sequence[Any], join: Callable[[Iterable[Any]], Any], name: st
     ----------
     values : sequence
     join : callable
-        Joins numbers that are neither counts (added) nor maxima (the largest is kept).
+        Function for numbers that are neither counts (added) nor maxima (the largest is kept).
     name : str
         Key of the values.
     """
@@ -101,7 +101,7 @@ def latency_table(metrics: Row) -> ResultTable:
 
 
 def _empty(metrics: Row) -> Row:
-    """Return the empty loop's ticks like a graph's deadlines."""
+    """Return the empty loop's ticks in the form of a graph's deadlines."""
     loop = metrics["empty_loop"]
     counts = {**loop, "due": loop["of"], "longest_us": loop["lateness_us"]["max"]}
     return {"deadlines": {"empty loop": counts}}
@@ -112,7 +112,7 @@ def _missed(name: str, counts: Mapping[str, float]) -> str:
 
 
 def latest_words(longest: float) -> str:
-    """Return words on the largest lateness, us; none where only an earlier one is known."""
+    """Return a text on the largest delay, us; empty if only an earlier maximum is known."""
     return f", the latest by {longest * 1e-3:.1f} ms" * math.isfinite(longest)
 
 
@@ -135,11 +135,11 @@ RATES = (
         "", "samples lost", value=lambda row: sum((*row["lost"].values(), *row["missed"].values()))
     ),
 )
-"""Columns of the comparison of rates, and of compiled and plain Python."""
+"""Columns of the tables that compare rates, and compiled with plain Python."""
 
 
 def rate_held(rows: Sequence[Row]) -> float | None:
-    """Return the highest rate at which almost no deadlines were missed, Hz; None for none."""
+    """Return the highest rate with almost no missed deadlines, Hz; None if there is none."""
     return max((r["rate_hz"] for r in rows if missed_share(r) < MISSED_SHARE), default=None)
 
 

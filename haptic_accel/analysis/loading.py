@@ -40,19 +40,19 @@ OFFSET, BOUND = "clock offset (ms)", "clock offset bound (ms)"
 """Values reported by the coupler: the peer's clock minus the local one, and its maximum error."""
 
 FEWEST_REPORTS = 10
-"""Minimum number of reports for estimating the drift between the clocks; with fewer, their errors
-would appear as drift."""
+"""Minimum number of reports for estimating the drift between the clocks; with fewer, errors of
+reports would appear as drift."""
 
 LONGEST_DELAY = 2.0
 """Maximum delay from the robot's tool to the handle in the search, s. A usable network has less
 than 0.5 s; the clock error adds up to its bound."""
 
 STRETCH = 2 * LONGEST_DELAY
-"""Length of the stretches of a trial that are searched for a delay, s."""
+"""Length of the sections of a trial that are searched for a delay, s."""
 
 PIECE = 0.5
 """Length of the pieces of a trial, s, each compared at its own delay. Playout changes its delay by
-1 ms/s, and 0.5 ms is a tenth of a period at 200 Hz, where textures are felt."""
+1 ms/s, and 0.5 ms is a tenth of a period at 200 Hz, a frequency of textures."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class Host:
-    """Run as recorded by one of two hosts.
+    """Recording of a run by one of two hosts.
 
     Attributes
     ----------
@@ -273,8 +273,8 @@ def _tool(tool: Signal, rate: float, axes: Axes) -> FloatArray:
 def _usual_delay(desired: FloatArray, actual: FloatArray, rate: float) -> float:
     """Return a delay near those of all pieces, s.
 
-    Where the delay changes too much for the whole trial, it is that of the stretch with the most
-    distinct one.
+    If the delay changes too much within the trial, the section with the most distinct delay
+    determines the result.
 
     Raises
     ------
@@ -329,7 +329,7 @@ class Analysis:
     ----------
     trials : list of AnalysedTrial
     problems : dict
-        Lines on quantities that could not be determined, by bag.
+        Messages about quantities that could not be determined, by bag.
     shift : Shift
     bags : int
         Number of bags.
@@ -353,7 +353,7 @@ class Analysis:
 
 
 Spread = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
-"""Function that applies another one to each item, like `map`; may end early."""
+"""Function that applies another function to each item, like `map`; may end early."""
 
 Ended = Callable[[int, int, str, Sequence[AnalysedTrial]], None]
 """Callback with number and count of bags, and name and trials of the bag just analysed."""
@@ -382,18 +382,18 @@ def analyse(
     shift : Shift, optional
         Default: each trial's latency and granted delay.
     rig, rate
-        Values for bags without metadata, see `cut`.
+        Values for bags without metadata; see `cut`.
     apart : bool
         True if the paths are runs to be compared: the same trial counts once in each.
     spread : callable
         Function that applies the analysis to each bag: `map`, or one with several processes.
     ended : callable, optional
-        Called after each bag.
+        Callback after each bag.
 
     Raises
     ------
     ParameterError
-        A path does not exist or has no bag, or a bag already states the given rig or rate.
+        A path does not exist or has no bag, or a bag already states the specified rig or rate.
     """
     shift = shift or Shift()
     found = {bag.resolve(): (bag, path) for path in paths for bag in find_bags(path)}
@@ -420,7 +420,7 @@ def analyse(
                 alike.append((sketch, trial.name))
                 kept.append(trial)
             else:
-                # Counting it as another trial would make every interval too short.
+                # A duplicate counted as another trial would make every interval too short.
                 complaints.append(f"counts once: it has the same samples as {first}")
         if complaints:
             problems[task.name] = complaints
@@ -459,7 +459,7 @@ class _Measured(NamedTuple):
 def _measured(task: _Task) -> _Measured:
     """Measure a bag's trials.
 
-    A robot's bag contains no handle, and thus no trial.
+    A robot's bag has no handle, and thus no trial.
     """
     try:
         recorded, *others = read_bags(task.bag, VECTORS)
@@ -478,9 +478,9 @@ def _measured(task: _Task) -> _Measured:
     except ParameterError:
         raise  # an argument is wrong
     except Exception as error:
-        if shortage(error):  # that is of the machine, not of the bag
+        if shortage(error):  # a problem of the machine, not of the bag
             raise
-        # No content of one bag may cost the others their report.
+        # Errors in one bag must not prevent the report on the others.
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         lines = [*recorded.problems, f"cannot be analysed: {reason}"]
         return _Measured([], lines, host, has_failed=True)
@@ -546,7 +546,7 @@ def _showing_the_same(trials: Sequence[AnalysedTrial], spread: Spread) -> list[A
 
 
 def _moved(task: tuple[AnalysedTrial, float]) -> AnalysedTrial:
-    """Return a trial with an excerpt from a time in s on."""
+    """Return a trial whose excerpt starts at a time in s."""
     trial, begin = task
     segment = read_segment(trial.segment.bag, trial.segment.number)
     shift = Shift("fixed", trial.metrics["shift_ms"] / MILLI)
@@ -555,14 +555,15 @@ def _moved(task: tuple[AnalysedTrial, float]) -> AnalysedTrial:
 
 
 _Sketch: TypeAlias = tuple[tuple[tuple[str, int], ...], FloatArray]
-"""Names and lengths of signals, and their samples in short; see `_sketch`."""
+"""Names and lengths of signals, and a summary of their samples; see `_sketch`."""
 
 PIECES = 32
 """Number of pieces of a signal that are compared with those of another trial."""
 
 ROUNDING = 1e-6
-"""Largest relative difference that rounding makes: other processors change the last digits, and
-adaptation adds up. Other noise or texture changes every piece by some percent."""
+"""Maximum relative difference due to rounding: processors differ in the last digits, and
+adaptation accumulates the difference. Other noise or another texture changes every piece by some
+percent."""
 
 
 def _sketch(segment: Segment) -> _Sketch:
@@ -577,7 +578,7 @@ def _sketch(segment: Segment) -> _Sketch:
 
 
 def _same(one: _Sketch, other: _Sketch) -> bool:
-    """Return whether two sketches are of the same samples up to rounding."""
+    """Return whether two sketches represent the same samples up to rounding."""
     if one[0] != other[0]:
         return False
     largest = np.max(np.abs(one[1]), axis=1, keepdims=True, initial=0.0)

@@ -38,8 +38,8 @@ MILLI = 1e3
 """Milliseconds or millimetres per SI unit."""
 
 TRAVEL_BEGIN = 0.1
-"""Time at the start of a trial that is excluded from the largest travel, s. The estimate starts in
-the middle, wherever the actuator is. Its error decays with the 18 ms of Table I's suspension."""
+"""Time at the start of a trial that is excluded from the largest travel, s. The estimate assumes
+that the actuator starts in the middle. Its error decays with the 18 ms of Table I's suspension."""
 
 CONTACT = 3 * AccelerometerParameters().noise
 """Minimum RMS of the desired acceleration for a trial with contact, m/s^2: three times the noise
@@ -51,7 +51,7 @@ BEYOND_STOPS = "no travel: its estimate, which is made without stops, lies beyon
 """Note on a trial whose estimated travel is impossible."""
 
 SLOPES = ("slope_desired_on_actual", "slope_actual_on_desired")
-"""Metrics that are undefined where the signals have next to nothing in common."""
+"""Metrics that are undefined if the signals have almost nothing in common."""
 
 MOST_SHIFT = 100.0
 """Maximum permitted shift, ms."""
@@ -92,7 +92,7 @@ KEPT = {
     "dft321": "dft321",
     "magnitude": "magnitude",
 }
-"""Keys of the reductions to one coil whose share of the power is stated."""
+"""Short names of the reductions to one coil, for the metrics of the power they keep."""
 
 VECTOR_METRICS: Mapping[str, Column] = {
     column.key: column
@@ -168,7 +168,7 @@ class Shift:
         return samples / segment.rate
 
     def words(self, segments: Iterable[Segment]) -> str:
-        """Return a description of the shift that completes "shifted back by"."""
+        """Return the text that completes "shifted back by"."""
         if self.kind == GRANTED_SHIFT:
             known = (each for each in segments if each.after is not None)
             found = sorted({(each.after or 0, each.rate, each.estimated) for each in known})
@@ -192,7 +192,7 @@ class AnalysedTrial:
     name : str
         Name of its bag, with a number if it is not the bag's first trial; unique.
     source : Path
-        Path given by the user under which it was found.
+        Path, as specified by the user, under which the trial was found.
     segment : Segment
         Segment of the bag, without its signals.
     metrics : dict
@@ -208,7 +208,7 @@ class AnalysedTrial:
     notes : tuple of str
         Assumptions, and missing items.
     contact : bool
-        False if the tool touched nothing, so that there is no error; true if this is unknown.
+        False if the tool touched nothing, so that the error is undefined; true if unknown.
     """
 
     name: str
@@ -245,7 +245,7 @@ def measure(
         See `AnalysedTrial`.
     shift : Shift
     begin : float, optional
-        Start of another trial's excerpt, s, to be used here.
+        Start of the excerpt of another trial, s, to be used for this trial too.
     """
     notes = list(segment.notes)
     desired = segment.signals.get(topics.DESIRED_ACCELERATION.name)
@@ -301,10 +301,10 @@ def measure(
 def _with_estimated_latency(
     segment: Segment, desired: FloatArray, actual: FloatArray, notes: list[str]
 ) -> Segment:
-    """Return a segment with the latency that its signals show, if they show any.
+    """Return a segment with the latency estimated from its signals, if possible.
 
-    The delay by cross-correlation, in whole samples, is that of latency and granted delay for all
-    controllers: errors of phase move it by less than half a sample.
+    The cross-correlation's delay, in whole samples, equals latency plus granted delay for all
+    controllers: phase errors shift it by less than half a sample.
     """
     with suppress(ValueError):  # signals that cannot be compared
         after = measures.estimate_delay(desired, actual, segment.rate).seconds * segment.rate
@@ -319,7 +319,7 @@ def _with_estimated_latency(
 
 
 def _rms(values: FloatArray) -> float:
-    """Return the root mean square of a signal, of a vector's length."""
+    """Return the root mean square of a signal or, for vectors, of their lengths."""
     return float(np.sqrt(np.mean(measures.lengths(values) ** 2)))
 
 
@@ -330,8 +330,8 @@ COMPENSATOR = "compensator"
 def _deviation(segment: Segment) -> list[str]:
     """Return the bands and times at which the handle differed from the compensator's plant model.
 
-    A reporting compensator has made this comparison online, with the samples as received. For
-    a bag with lost samples and late forces, a new comparison would show too many deviations.
+    A compensator that reports has made this comparison online, with the samples as received. For a
+    bag with lost samples and late forces, a new comparison would show too many deviations.
     """
     if COMPENSATOR in segment.delivery.nodes:
         return []
@@ -352,7 +352,7 @@ def _deviation(segment: Segment) -> list[str]:
 def actual_acceleration(segment: Segment) -> FloatArray | None:
     """Return the handle's acceleration without gravity and the hand's motion, m/s^2.
 
-    None without the handle's signal, or if its rate is too low for the high-pass.
+    Return None without the handle's signal, or if its rate is too low for the high-pass.
     """
     handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
     if handle is None or segment.rate <= 2 * segment.high_pass_frequency:

@@ -35,12 +35,12 @@ class Rig:
     name : str or path
         ideal, paper, or a ``.yaml`` file.
     changes : mapping
-        Values by node and dotted name, as parameter files have them.
+        Values by node and dotted name, as in parameter files.
 
     Raises
     ------
     ParameterError
-        There is no such node or parameter.
+        A node or parameter is unknown.
 
     Examples
     --------
@@ -89,7 +89,7 @@ class NotebookTrial(Trial):
         return pd.DataFrame(columns, index=pd.Index(self.time, name="time_s"))
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Draw desired and actual acceleration, the latter shifted back as for the error.
+        """Draw desired and actual acceleration; the actual one is shifted back as for the error.
 
         The complete trial is drawn; the axes show the part with the largest desired acceleration.
 

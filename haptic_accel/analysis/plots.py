@@ -44,8 +44,8 @@ MOST_POINTS = 4000
 """Maximum number of points in a scatter plot; more would overlap."""
 
 PATH = 0.05
-"""Length of a path in the planes of two axes, s: several periods of texture, which can be told
-apart by eye."""
+"""Length of a path in the planes of two axes, s: several periods of texture, which the eye can
+distinguish."""
 
 LEAST_R2 = ALIKE**2
 """Minimum R^2 for drawing a regression line, equal to the minimum correlation for a delay. Below
@@ -66,7 +66,7 @@ PURPLE, SKY, GREY = "#cc79a7", "#56b4e9", "#444444"
 
 BARS = (BLUE, ORANGE, GREEN, PURPLE, SKY, GREY)
 HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "--")
-"""Colours of bars, and hatches that distinguish them without colour."""
+"""Colours of bars, and hatches that distinguish bars without colour."""
 
 PALE_GRIPS = ("#c3c8cd", "#f3cf85", "#a6d9f7", "#e9c3d8")
 DARK_GRIPS = ("#4d545b", "#a87400", "#1f7fb4", "#99447a")
@@ -83,8 +83,8 @@ Style = dict[str, Any]
 
 DESIRED: Style = {"color": BLUE, "linewidth": 1.2}
 ACTUAL: Style = {"color": DARK_ORANGE, "linewidth": 0.66}
-"""Lines of desired and actual acceleration; the former is wider, so that it is visible below the
-latter."""
+"""Lines of desired and actual acceleration; the desired one is wider, so that it is visible below
+the actual one."""
 
 _REGRESSION: Style = {"color": VERMILION, "linewidth": 1.2}
 _EQUAL: Style = {"color": "black", "linewidth": 0.6, "linestyle": "--"}
@@ -97,7 +97,7 @@ _TRACES = (
 
 _LABEL, _TICK = 8, 7  # text sizes, points
 _LONGEST = 60  # characters of the name of a row
-_CHARACTER = 0.115 / 12  # width of a bold letter per point of its size, inches
+_CHARACTER = 0.115 / 12  # width of a bold letter per point of font size, inches
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.7, 0.11, 0.47, 0.36  # margins of a figure of panels, inches
 _ACROSS, _DOWN = 0.2, 0.24  # gaps between panels, inches
 _SUBTITLE: Style = {"fontsize": _TICK, "pad": 2.5}
@@ -134,7 +134,7 @@ class Portrait:
     largest : float
         Largest magnitude in either signal, m/s^2.
     by_axis : dict of Portrait
-        Portraits of the components of vectors by axis, with the same excerpt and samples.
+        Portraits of vectors' components by axis, with the same excerpt and samples.
     """
 
     rate: float
@@ -258,7 +258,7 @@ def regressions(portraits: Portraits) -> Figure:
             axis.set_major_locator(ticker.MaxNLocator(5, steps=(1, 2, 5, 10)))
         if portrait := portraits.get((controller, surface)):
             cloud = portrait.cloud_actual, portrait.cloud_desired
-            # As an embedded picture, as thousands of points make a drawing slow to display.
+            # Rasterise: thousands of points make a vector drawing slow to display.
             panel.plot(*cloud, **_SAMPLES, markersize=1.2, alpha=0.45, rasterized=True)
             panel.plot([-reach, reach], [-reach, reach], **_EQUAL)
             words = [f"R² {number(portrait.evaluation.r2)}"]
@@ -300,7 +300,7 @@ def amplitude_spectra(portraits: Portraits) -> Figure:
 
 
 def polarisation(portraits: Mapping[str, Portrait]) -> Figure:
-    """Draw the paths of desired and actual acceleration in the planes of each two axes.
+    """Draw the paths of desired and actual acceleration in the plane of each pair of axes.
 
     Parameters
     ----------
@@ -370,7 +370,7 @@ def band_errors(errors: Mapping[str, Mapping[str, Interval]]) -> Figure:
 
 @dataclass(frozen=True)
 class Strip:
-    """Values of one quantity, and their mean or another estimate.
+    """Values of one quantity, and an estimate such as their mean.
 
     Attributes
     ----------
@@ -392,7 +392,7 @@ def strips(rows: Mapping[str, Strip], x: str, reference: float | None = None) ->
     x : str
         Name and unit of the values.
     reference : float, optional
-        Value with a dashed line, such as chance.
+        Value to mark by a dashed line, such as chance level.
     """
     figure, panel = _named_rows([short(name, _LONGEST) for name in rows], x)
     for row, strip in enumerate(rows.values()):
@@ -410,12 +410,12 @@ def strips(rows: Mapping[str, Strip], x: str, reference: float | None = None) ->
 
 
 def matrix(table: pd.DataFrame, texts: tuple[str, str, str]) -> Figure:
-    """Draw a square table of numbers as shades, with the numbers.
+    """Draw a square table of numbers as shaded cells with the numbers.
 
     Parameters
     ----------
     table : DataFrame
-        With names of rows and columns.
+        Table with names of rows and columns.
     texts : tuple of str
         Names of the columns, the rows and the values.
     """
@@ -459,7 +459,7 @@ def scaling_map(points: FloatArray, names: Sequence[str]) -> Figure:
 
 @dataclass(frozen=True)
 class FittedCurve:
-    """Measured proportions and the function that was fitted to them.
+    """Measured proportions, and the function fitted to them.
 
     Attributes
     ----------
@@ -509,7 +509,7 @@ def fitted_curves(curves: Mapping[str, FittedCurve], x: str, log: bool) -> Figur
 
 
 def _named_rows(names: Sequence[str], x: str, square: bool = False) -> tuple[Figure, Axes]:
-    """Create a panel with a row for each name, as high as they need."""
+    """Create a panel with a row for each name; the number of rows determines its height."""
     wide, each = (TEXT * 0.7, 0.32) if square else (TEXT * 0.8, 0.28)
     size = (wide, 0.8 + each * len(names) + 0.4 * square)
     figure = Figure(figsize=size, facecolor="white", layout="constrained")
@@ -635,7 +635,7 @@ def _panels(
             heading(x + wide / 2, y + high + _HEADING - less_above, column, wide, "horizontal")
         if j == 0:
             heading(0.13, y + high / 2, row, high + down, "vertical")
-        # Panels are shorter than the labels, so these are placed once, in the middle.
+        # Panels are shorter than the label, so it is drawn once, in the middle.
         if j == 0 and i == len(rows) // 2:
             panel.set_ylabel(names[1], fontsize=_LABEL)
         if lowest and j == 0:

@@ -3,7 +3,7 @@
 
 """Bags played in lockstep through a controller, and the resulting errors.
 
-A bag of a live graph is also run again as it was, for its first difference from lockstep and the
+A live graph's bag is also repeated unchanged in lockstep, to find the first difference and its
 reason. With simulated devices, or a recorded slave, both trials are bit-identical from engagement
 on, if every force arrives on time and no sample is skipped.
 """
@@ -46,12 +46,12 @@ COLUMNS = (
     Column("slope_desired_on_actual", "slope\nd on a", digits=3),
     Column("r2", "R²", digits=3),
 )
-"""Columns of the table; the slopes are of actual on desired, and the reverse."""
+"""Columns of the table; the slopes are actual on desired, and desired on actual."""
 
 
 @dataclass(frozen=True)
 class PlayedCondition:
-    """A bag, the graph that plays it, and the bag of the result."""
+    """Bag, graph that plays it, and bag for the result."""
 
     own: ReplayArguments
     graph: GraphArguments
@@ -60,7 +60,7 @@ class PlayedCondition:
 
 
 def play(condition: PlayedCondition) -> Row:
-    """Play a bag through a controller; record the result if a bag is given for it."""
+    """Play a bag through a controller; record the result if an output bag is specified."""
     start = time.time_ns()
     track = replayed_track(condition.own, condition.graph)
     setup = Setup.of(condition.graph)
@@ -68,13 +68,13 @@ def play(condition: PlayedCondition) -> Row:
     trial = replace(trial, surface=condition.touched)
     metrics = _metrics(condition.own.bag, trial, track)
     if condition.out:
-        shutil.rmtree(condition.out, ignore_errors=True)  # that of a lost process
+        shutil.rmtree(condition.out, ignore_errors=True)  # left by a process that died
         lockstep.record_trial(condition.out, trial, setup, start)
     return metrics
 
 
 def progress(row: Row) -> str:
-    """Return a condition's error for a reader."""
+    """Return a progress message with a condition's error."""
     return f"{Path(row['bag']).name} / {row['controller']}: {row['nrmse_percent']:.2f} %"
 
 
@@ -104,7 +104,7 @@ def _metrics(bag: str, trial: Trial, track: Track) -> Row:
 
 
 COUNTED_BEFORE = "deadlines missed"
-"""Suffix of the name under which older devices counted `PAST_TICK`."""
+"""Suffix of the older name of the counter `PAST_TICK`."""
 
 CAUSES = {
     PAST_TICK: "a force came after its due time",
@@ -122,7 +122,7 @@ CAUSES = {
     "actuator force limited by heat": "the safety layer reduced a force",
     "actuator force limited by travel": "the safety layer reduced a force",
 }
-"""Reasons by the suffixes of counts in the nodes' reports."""
+"""Reasons by the suffix of a counter in the nodes' reports."""
 
 UNKNOWN = "no node reported a reason"
 
@@ -143,7 +143,7 @@ class Divergence:
     signals : tuple of str
         Topics that differ at that sample.
     reasons : tuple of str
-        Counts of the nodes at that time.
+        Counters of the nodes that increased at that time.
     """
 
     bag: Path
@@ -173,12 +173,12 @@ def find_divergence(path: Path) -> Divergence:
     Parameters
     ----------
     path : Path
-        Bag with metadata, of a simulated master and a simulated or recorded slave.
+        Bag with metadata, recorded with a simulated master and a simulated or recorded slave.
 
     Raises
     ------
     ParameterError
-        The bag is of another kind, or its arms never coupled.
+        The bag is of another kind, or its arms were never coupled.
     """
     bag = read_bag(path)
     setup = _setup(bag)
@@ -204,7 +204,7 @@ def find_divergence(path: Path) -> Divergence:
 
 
 def _setup(bag: Bag) -> Setup[GraphArguments]:
-    """Return the setup of the recorded graph, as it was; its files may have changed since."""
+    """Return the setup of the recorded graph from its bag; its files may have changed since."""
     with located(bag.path):
         setup = Setup.from_metadata(bag.facts)
         arguments = setup.arguments
@@ -213,7 +213,7 @@ def _setup(bag: Bag) -> Setup[GraphArguments]:
             raise ParameterError("latency = 0: forces have no due time")
     if arguments.slave != REPLAY:
         return setup
-    # Also found from another working directory.
+    # An absolute path is found from any working directory.
     played = setup.values["slave_device"][f"{REPLAY}.file"]
     return replace(setup, arguments=replace(arguments, replay=played))
 
@@ -240,7 +240,7 @@ def _coupled(bag: Bag, rate: float) -> tuple[int, int]:
 def _first_difference(bag: Bag, name: str, start: int, rate: float, expected: FloatArray) -> int:
     """Return the first index at which a recorded signal differs, or the length.
 
-    A message that the recorder lost is no difference.
+    A message that the recorder lost does not count as a difference.
     """
     signal = bag.signals.get(name)
     if signal is None:
@@ -252,7 +252,7 @@ def _first_difference(bag: Bag, name: str, start: int, rate: float, expected: Fl
 
 
 def _reasons(bag: Bag, start: int, moment: int) -> tuple[str, ...]:
-    """Return the nodes' counts in the reports around a moment."""
+    """Return the counters that increased in the nodes' reports near a time."""
     reasons = []
     for node in dict.fromkeys(report.node for report in bag.diagnostics):
         reports = [report for report in bag.diagnostics if report.node == node]
@@ -264,8 +264,8 @@ def _reasons(bag: Bag, start: int, moment: int) -> tuple[str, ...]:
 
 
 def _grown(before: Mapping[str, str], report: Diagnosis) -> list[str]:
-    """Return as reasons the counts of a node that have grown since an earlier report."""
-    # By the clock a force is also late if the simulated world stood still with the process.
+    """Return as reasons the counters of a node that increased since an earlier report."""
+    # By the clock, a force is also late if the simulation was paused with its process.
     by_clock = any(name.endswith(PAST_TICK) for name in report.values)
     return [
         f"{text} ({report.node}, {name})"

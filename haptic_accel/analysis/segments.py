@@ -38,13 +38,13 @@ EXCLUDED_AFTER_CHANGE = LISTENING + FADING + RINGING
 """Time excluded after a change of controller, surface or grip, s."""
 
 SHORTEST = 0.9
-"""Minimum duration of an analysed segment, s: a trial of 1 s minus the duration of a live
-start."""
+"""Minimum duration of an analysed segment, s: a trial of 1 s minus the start-up time of a live
+graph."""
 
 _NAMES = [topic.name for topic in topics.ANALYSED]
 
 VECTORS = (*_NAMES, topics.MASTER_ARM_FORCE.name)
-"""Names of the topics whose vectors are needed for segments; for others the stamps suffice."""
+"""Names of the topics whose vectors are needed; other topics need only stamps."""
 
 _NEEDED_FOR = {
     topics.DESIRED_ACCELERATION.name: ": no error, regression, spectra, delay",
@@ -55,7 +55,7 @@ _NEEDED_FOR = {
 
 @dataclass(frozen=True)
 class Segment:
-    """Section of a bag under one condition: a trial. A bag may contain several.
+    """Section of a bag under one condition: a trial. A bag may contain several segments.
 
     Attributes
     ----------
@@ -77,8 +77,8 @@ class Segment:
     actuator : ActuatorParameters
         Actuator of the handle, for its travel.
     pair : tuple of str
-        Common properties of the two trials of a pair: seed and recording, or the bag's name if
-        these are unknown.
+        Properties that both trials of a pair have: seed and recording, or the bag's name if these
+        are unknown.
     notes : list of str
         Assumptions, and missing items.
     latency : int or None
@@ -96,7 +96,7 @@ class Segment:
     run : str
         Description of the run; empty if the bag does not state it.
     waits : bool
-        True for a simulated handle whose world stood still with its node's process.
+        True for a simulated handle whose simulation stops while its node's process is paused.
     axes : Axes
         Axes of the vibration.
     estimated : bool
@@ -172,17 +172,17 @@ def cut(
     rig : RigParameters, optional
         Rig with the handle, for a bag without its own description.
     asked : float, optional
-        Sampling rate, Hz, for a bag that does not state it; used if its stamps agree.
+        Sampling rate, Hz, for a bag without a stated rate; used if the stamps agree.
 
     Returns
     -------
     Division
-        Its problems include missing signals and segments that are too short.
+        Segments and problems; these include missing signals and too short segments.
 
     Raises
     ------
     ParameterError
-        The bag already states the given rig or rate.
+        The bag already states the rig or rate.
     """
     dividers = [_Divider(recorded) for recorded in recordings]
     found = [segment for divider in dividers for segment in divider.segments(rig, asked)]
@@ -191,11 +191,11 @@ def cut(
 
 
 Period = tuple[int, int]
-"""Start and end, ns."""
+"""Start and end of a period, ns."""
 
 
 class _Divider:
-    """Divides a bag, and collects its problems.
+    """Divider of a bag that collects problems.
 
     Attributes
     ----------
@@ -215,7 +215,7 @@ class _Divider:
                 self.problems.append(f"{name}: {lost} of {len(along)} {told} {IMPLAUSIBLE:g}")
 
     def segments(self, rig: RigParameters | None, asked: float | None) -> list[Segment]:
-        """Return the segments; parameters as for `cut`."""
+        """Return the segments; see `cut` for the parameters."""
         rate = self._rate(asked)
         if not self._signals:
             self.problems.append(
@@ -303,7 +303,7 @@ class _Divider:
             return [span]
         found = self._bag.coupled(topics.MASTER)
         if not found:
-            # Handle and tool without arms, whose forces are sent nevertheless once they engage.
+            # Without arms, the forces of the arms are sent nevertheless once engaged.
             sent = self._bag.signals[topics.MASTER_ARM_FORCE.name].stamps
             found = [(int(sent.min()), int(sent.max()))] if len(sent) else [span]
             self.problems.append(
@@ -314,8 +314,7 @@ class _Divider:
     def _without_gaps(self, periods: Sequence[Period]) -> list[Period]:
         """Divide periods at gaps: times longer than `RELEASED` without any signal.
 
-        A gap of the recorder and a clock set forward leave the same gap between stamps. In either
-        case no sample is in it.
+        A recorder's gap and a clock set forward both leave a gap between stamps without samples.
         """
         every = np.unique(np.concatenate([signal.stamps for signal in self._signals.values()]))
         found: list[Period] = []
@@ -379,7 +378,7 @@ class _Divider:
         return int(grid_indices(np.array([last]), start, rate)[0]) + 1
 
     def _matrix_plant(self, known: Description) -> MatrixPlant | None:
-        """Return the compensator's model of three axes; if it cannot be read, tell the reason."""
+        """Return the compensator's model of three axes; if it cannot be read, add a problem."""
         try:
             return known.matrix_plant()
         except ParameterError as error:

@@ -113,8 +113,8 @@ def _errors(analysis: Analysis) -> str:
 
 
 UNFOLLOWED = 25.0
-"""Lowest possible error from which on the input cannot be followed, %: about a hand's smallest
-difference of strength, 2.2 dB."""
+"""Lowest possible error above which the handle cannot follow the input, %; about the just
+noticeable difference of strength, 2.2 dB."""
 
 
 def _lowest(analysis: Analysis) -> list[str]:
@@ -122,7 +122,7 @@ def _lowest(analysis: Analysis) -> list[str]:
     table = frames.table_two(frames.groups(analysis))
     if not table.bounds:
         return []
-    bounds = next(iter(table.bounds.values()))  # within the actuator's limits, if known
+    bounds = next(iter(table.bounds.values()))  # with the actuator's limits if known
     known = [
         (surface, bound)
         for surface, bound in zip(table.columns, bounds, strict=True)
@@ -177,7 +177,7 @@ def _reduced(frame: pd.DataFrame) -> list[str]:
 
 
 def _each(frame: pd.DataFrame, name: str, unit: str) -> list[str]:
-    """Return the mean of a metric for each controller as one text; nothing without any."""
+    """Return a text with the mean of a metric for each controller; empty list if unknown."""
     if name not in frame:
         return []
     means = frame[frame.contact].groupby("controller")[name].mean().dropna()
@@ -229,7 +229,7 @@ def _losses(frame: pd.DataFrame, analysis: Analysis) -> str:
 
 
 def _deadlines(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
-    """Return sentences on late forces: as a hand would have felt them, or from older counts."""
+    """Return sentences on late forces: by the device's clock, or from older counters."""
     found = [t.segment for t in analysis.trials if t.segment.delivery.deadlines]
     new = [segment for segment in found if segment.delivery.by_clock]
     old = [segment for segment in found if not segment.delivery.by_clock]
@@ -329,11 +329,11 @@ SHOWN = (
     "deadlines_missed_percent",
     "late_time_percent",
 )
-"""Metrics of the second table, by controller over all its trials."""
+"""Metrics of the second table, averaged over all trials of a controller."""
 
 
 def tables(analysis: Analysis) -> Iterator[ResultTable]:
-    """Yield Table II, and the means of further metrics; nothing without trials in contact."""
+    """Yield Table II and the means of further metrics, if there are trials with contact."""
     table = frames.table_two(frames.groups(analysis))
     if not table.rows:
         return
@@ -360,7 +360,7 @@ def tables(analysis: Analysis) -> Iterator[ResultTable]:
 
 
 def _cell(cell: frames.Cell) -> str:
-    """Return an error, its interval, and the paper's value behind it."""
+    """Return a cell's text: error, interval, and the paper's value."""
     shown = number(cell.value, 1)
     if math.isfinite(cell.low):
         shown += f" [{number(cell.low, 1)}, {number(cell.high, 1)}]"

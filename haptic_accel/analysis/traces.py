@@ -20,17 +20,17 @@ EXCERPT = 0.2
 """Length of the excerpt shown first, s: some strokes of texture with visible oscillations."""
 
 ACTIVE = 0.5
-"""Minimum RMS of a signal in another trial's excerpt, relative to its largest one, for using that
-excerpt."""
+"""Minimum RMS of a signal, relative to its largest RMS, in the excerpt of another trial for which
+that excerpt is used."""
 
 WHOLE_POINTS = 6000
-"""Number of points of a whole trial: three per pixel of a wide screen."""
+"""Number of points of a whole trial: three per pixel on a wide screen."""
 
 DETAIL = 2.0
 """Length of the part at full resolution, s."""
 
 DETAIL_POINTS = 4000
-"""Maximum number of points in that part: less than `DETAIL` at rates above 2 kHz."""
+"""Maximum number of points at full resolution; covers less than `DETAIL` above 2 kHz."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class Trace:
     Attributes
     ----------
     begin, step : float
-        Time of the first point, and between points, s.
+        Time of the first point, and time between points, s.
     signals : dict of ndarray
-        Values by name.
+        Values of each signal by name.
     """
 
     begin: float
@@ -94,7 +94,7 @@ class Traces:
         begin: float | None = None,
         axes: Axes = ACTUATOR_AXES,
     ) -> Traces:
-        """Thin some signals; the one named ``actual`` is shifted back by the shift in s.
+        """Thin some signals; shift the signal ``actual`` back by the shift in s.
 
         The difference ``error``, actual minus desired, is added. The components of vectors are
         named as in ``desired_x``. See `excerpt_of` for `begin`.
@@ -118,7 +118,7 @@ class Traces:
         return cls(every.thinned(WHOLE_POINTS), every.part(window), start)
 
     def shrunk(self, points: int) -> tuple[Trace, Trace]:
-        """Return whole and detail with a maximum total of points, and the excerpt in full."""
+        """Thin both traces to a maximum total of points; keep the excerpt complete."""
         detail = self.detail
         begin = round((self.excerpt - detail.begin) / detail.step)
         excerpt = slice(begin, min(begin + round(EXCERPT / detail.step), detail.size))
@@ -129,7 +129,7 @@ class Traces:
 def named_components(
     signals: Mapping[str, FloatArray], axes: Axes
 ) -> Iterator[tuple[str, FloatArray]]:
-    """Yield signals by name; those of several axes by component, as in ``desired_x``."""
+    """Yield signals by name; several axes are named by component, as in ``desired_x``."""
     for name, values in signals.items():
         ends = [f"_{axis}" for axis in axes.names] if values.ndim > 1 else [""]
         for end, component in zip(ends, components(values), strict=True):
@@ -185,7 +185,7 @@ def excerpt_of(values: FloatArray, rate: float, begin: float | None = None) -> s
         Samples per second.
     begin : float, optional
         Start of another trial's excerpt, s. It is used if the signal is `ACTIVE` there, so that
-        trials show the same. Otherwise the excerpt is that with the largest RMS.
+        trials show the same time. Otherwise the excerpt with the largest RMS is used.
     """
     found = most_active(values, round(EXCERPT * rate))
     if begin is None:
@@ -201,7 +201,7 @@ def excerpt_of(values: FloatArray, rate: float, begin: float | None = None) -> s
 def enclosing(inner: slice, size: int, samples: int) -> slice:
     """Return a window of `samples`, among `size`, with `inner` at its centre.
 
-    It is shifted to stay within the ends, and not shorter than `inner`.
+    The window is shifted to stay within the ends, and is not shorter than `inner`.
     """
     length = inner.stop - inner.start
     samples = min(max(samples, length), size)

@@ -38,21 +38,21 @@ from haptic_accel.core.tables import ResultTable, number
 from haptic_accel.pages import write
 
 POINTS = 100_000
-"""Number of points for the time traces of a page, shared by its trials: about a megabyte for five
+"""Number of points for the time traces of a page, shared by all trials: about a megabyte for five
 signals."""
 
 FEWEST_POINTS = 500
-"""Minimum number of points of each trial."""
+"""Minimum number of points of the time traces of each trial."""
 
 CLOUD_POINTS = 1500
-"""Number of points for a trial's regression."""
+"""Number of points in a trial's regression plot."""
 
 FULL_SCALE = 32767
-"""Maximum integer for stored signals; finer than the resolution of any screen."""
+"""Maximum integer for stored signals; the resolution exceeds that of any screen."""
 
 _OMITTED = "nrmse_percent delay_correlation shift_ms age_p50_us age_max_us"
 PER_TRIAL = tuple(name for name in metrics.METRICS if name not in _OMITTED.split())
-"""Columns of the table of trials after the error."""
+"""Columns that follow the error in the table of trials."""
 
 PER_GROUP = (
     *("indistinguishable_percent", "slope_desired_on_actual", "slope_actual_on_desired", "r2"),
@@ -61,7 +61,7 @@ PER_GROUP = (
 )
 """Columns of the table of groups, each with its interval over trials."""
 
-_UNITS = {"travel": metrics.MILLI}  # of signals over time, if not SI
+_UNITS = {"travel": metrics.MILLI}  # factors of signals over time, if not SI
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Setting:
     settings : mapping of str to str
         Arguments of the run, shown as a table.
     pictures : mapping of str to str
-        Captions of picture files beside the page, by file name.
+        Captions of picture files in the page's folder, by file name.
     beside : ResultTable, optional
         Errors of the same trials from another run.
     """
@@ -106,7 +106,7 @@ def write_page(
     comparison : Comparison, optional
     setting : Setting, optional
     files : sequence of str
-        Names of linked files beside `file`.
+        Names of linked files in the folder of `file`.
     """
     setting = setting or Setting()
     found = sorted(analysis.trials, key=lambda t: frames.ranks((t.controller, t.surface)))
@@ -259,7 +259,7 @@ PATHS = (
     " both axes. A perfect handle draws orange on blue; a path that is turned is vibration in a"
     " wrong direction, and a single coil draws a line."
 )
-"""Caption of a figure of vectors, after its surface."""
+"""Caption of a figure of vectors, without the surface."""
 
 FORCE = "actuator_force"
 """Column of the force, without axis and unit."""
@@ -293,15 +293,15 @@ def write_analysis(
         Existing folder.
     comparison : Comparison, optional
     setting : Setting, optional
-        Texts of the page; with these, the page also shows the paper's figures as pictures.
+        Texts of the page; if specified, the page also shows the paper's figures as pictures.
     files : mapping of str to DataFrame, optional
         Further tables for CSV output by file name; a named index is included.
 
     Returns
     -------
     Path
-        Page ``folder/index.html``. Beside it are the plots as PNG and PDF, ``trials.csv``,
-        ``groups.csv`` and, for a comparison, ``comparison.csv``.
+        Page ``folder/index.html``. The folder also contains the plots as PNG and PDF,
+        ``trials.csv``, ``groups.csv`` and, for a comparison, ``comparison.csv``.
     """
     tables = {"trials.csv": frames.trials(analysis), "groups.csv": frames.groups(analysis)}
     if comparison:
@@ -309,7 +309,7 @@ def write_analysis(
     tables = {name: table for name, table in tables.items() if len(table)} | dict(files or {})
     written = [*plots.save(_plots(analysis), folder), *tables]
     for name, table in tables.items():
-        # Names of bags may be no text.
+        # Names of bags may contain undecodable bytes.
         (folder / name).write_text(csv_text(table), encoding="utf-8", errors="backslashreplace")
     if setting:
         vectors = {name: f"{surface}: {PATHS}" for name, surface in _polarised(analysis).items()}
@@ -358,7 +358,7 @@ def as_json(analysis: Analysis, comparison: Comparison | None = None) -> dict[st
 
 
 def signal_table(segment: Segment) -> pd.DataFrame:
-    """Return the signals of a trial, read again, by time in s, under names with units."""
+    """Read the signals of a trial again; return them by time in s, under names with units."""
     whole = read_segment(segment.bag, segment.number)
     signals = {SIGNALS[name]: values for name, values in whole.signals.items()}
     actual = metrics.actual_acceleration(whole)
@@ -369,7 +369,7 @@ def signal_table(segment: Segment) -> pd.DataFrame:
 
 
 def _plots(analysis: Analysis) -> dict[str, Figure]:
-    """Return the plots by name, as far as there are data."""
+    """Return the plots for which there are data, by name."""
     drawn: dict[str, Figure] = {}
     portraits = _typical(analysis)
     if portraits:
@@ -387,10 +387,10 @@ def _plots(analysis: Analysis) -> dict[str, Figure]:
 
 
 def _typical(analysis: Analysis) -> dict[tuple[str, str], plots.Portrait]:
-    """Return a portrait of each condition, up to the available room.
+    """Return a portrait of each condition, up to the maximum number of plots.
 
     For a surface, the pair with the median of the mean error over controllers is chosen, so that
-    all controllers show one input; without such a pair, each controller's median trial.
+    all controllers show one input. Without such a pair, each controller's median trial is chosen.
     """
     known = [trial for trial in analysis.trials if trial.portrait]
     frame = frames.trials(replace(analysis, trials=known))
@@ -419,7 +419,7 @@ def _polarised(analysis: Analysis) -> dict[str, str]:
 
 
 def _components(portraits: plots.Portraits) -> Iterator[tuple[tuple[str, str], plots.Portrait]]:
-    """Yield portraits of one axis, under surfaces as in ``plywood, x`` if a trial has several."""
+    """Yield single-axis portraits; for several axes the surface is named as in ``plywood, x``."""
     for (controller, surface), portrait in portraits.items():
         if not portrait.by_axis:
             yield (controller, surface), portrait
@@ -428,7 +428,7 @@ def _components(portraits: plots.Portraits) -> Iterator[tuple[tuple[str, str], p
 
 
 def _median(values: pd.Series[float]) -> Any:
-    """Return the label of the median; of two, the lower one."""
+    """Return the label of the median, or of the lower of two medians."""
     return values.sort_values(kind="stable").index[(len(values) - 1) // 2]
 
 

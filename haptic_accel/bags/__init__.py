@@ -4,7 +4,7 @@
 """Bags: writing, reading and repair, without ROS."""
 
 NO_ROSBAGS = "bags need rosbags: pip install 'rosbags>=0.11.9,<0.12'"
-"""Message if rosbags is missing. No distribution packages rosbags; only recording needs it."""
+"""Message if rosbags is missing. No Linux distribution packages rosbags; only bags need it."""
 
 OF_ROSBAGS = ("rosbags", "lz4", "backports")
 """Modules installed with rosbags."""

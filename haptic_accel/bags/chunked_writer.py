@@ -1,12 +1,12 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writer of an MCAP file whose chunks reach the disk soon and remain readable.
+"""Writer of MCAP files whose chunks are soon on disk and remain readable after a crash.
 
-Chunks reach the disk during the recording, each with messages, their index and a checksum. If the
-disk is full, the file is closed with its present content. The writer of rosbags keeps all data in
-memory until closed, and writes no checksums. The writer of the `mcap` library takes twice as long
-per message, and cannot return to a complete chunk.
+Each chunk, with messages, index and checksum, is written during the recording. If the disk is
+full, the file is closed with the chunks so far. The writer of rosbags keeps all data in memory
+until closed, and writes no checksums. The writer of the `mcap` library takes twice as long per
+message, and cannot return to a complete chunk.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ CHUNK = 1 << 20
 """Size of a complete chunk, bytes; 768 KiB in rosbag2."""
 
 KEPT_MARKS = 8
-"""Number of chunks that may be discarded to make room for the index, which needs a few percent of
+"""Number of chunks that may be discarded to free space for the index, which needs a few percent of
 the file size."""
 
 _FAST = 1
@@ -52,9 +52,9 @@ class MisplacedError(OSError):
     Attributes
     ----------
     is_removed : bool
-        The file is in no folder, and disappears with the program that writes it.
+        True if the file was deleted, and disappears when the program that writes it ends.
     location : Path or None
-        Present path of the file, if the system tells it.
+        Present path of the file, if known.
     """
 
     def __init__(self, name: str, *, is_removed: bool, location: Path | None = None) -> None:
@@ -96,7 +96,7 @@ class ChunkedWriter:
     ----------
     path : Path
     schemas, channels : list
-        Channels for the index.
+        Schemas and channels for the index.
     """
 
     def __init__(self, path: Path, *, compressed: bool = False) -> None:
@@ -113,7 +113,7 @@ class ChunkedWriter:
             mcap.MAGIC + record(mcap.HEADER, text("ros2"), text(f"haptic_accel-{__version__}"))
         )
         self._file.flush()
-        # Independent of the file's name and buffer.
+        # The duplicate is independent of the file's name and buffer.
         self._descriptor = os.dup(self._file.fileno())
         self._marks = deque([_Mark(self._end, self._sum, 0, Tally())], maxlen=KEPT_MARKS)
         sync_folder(path.parent)
@@ -166,8 +166,8 @@ class ChunkedWriter:
     def close_chunk(self) -> None:
         """Write pending data to the file.
 
-        Schemas and channels without messages form no chunk: with a chunk without message index,
-        `ros2 bag play` cannot read a file in order of time.
+        Schemas and channels without messages are not written as a chunk: `ros2 bag play` cannot
+        sort a file by time if a chunk has no message index.
         """
         records, entries = self._pending.records.getvalue(), self._pending.entries
         if not records:
@@ -186,7 +186,7 @@ class ChunkedWriter:
         self._marks.append(_Mark(self._end, self._sum, len(self._chunks), tally))
 
     def flush(self) -> None:
-        """Complete the pending chunk and write it to the disk, where it survives a power cut.
+        """Complete the pending chunk and sync it to disk, so that it survives a power cut.
 
         Raises
         ------
@@ -202,7 +202,7 @@ class ChunkedWriter:
             is_there = False
         if not is_there:
             is_removed, location = written.st_nlink == 0, None
-            with suppress(OSError):  # Linux tells where an open file is
+            with suppress(OSError):  # Linux reports an open file's path
                 location = Path(f"/proc/self/fd/{self._descriptor}").readlink()
             raise MisplacedError(self.path.name, is_removed=is_removed, location=location)
 
@@ -227,12 +227,12 @@ class ChunkedWriter:
         os.close(self._descriptor)
 
     def give_up(self, metadata: str) -> None:
-        """Finish the file after an OSError with its complete chunks, or fewer to make room.
+        """Finish the file after an OSError with its complete chunks, or fewer to free space.
 
         Raises
         ------
         OSError
-            All complete chunks are saved, but there is no room for an index.
+            All complete chunks are saved, but there is no space for an index.
         """
         newest = self._marks[-1]
         while True:
@@ -243,7 +243,7 @@ class ChunkedWriter:
             except OSError:
                 self._marks.pop()
                 if not (self._marks and self.kept.messages):
-                    # All chunks without an index are better than none.
+                    # Keeping all chunks without an index is better than losing data.
                     self._marks.append(newest)
                     self._go_back()
                     self._file.close()
@@ -336,7 +336,7 @@ class ChunkedWriter:
         """Discard everything after the last mark, in the file too."""
         mark = self._marks[-1]
         with suppress(OSError):
-            # The file's buffered data must not be written any more.
+            # The file's buffered data must not be written.
             self._file.raw.close()
         os.ftruncate(self._descriptor, mark.end)
         os.lseek(self._descriptor, mark.end, os.SEEK_SET)

@@ -24,14 +24,14 @@ from haptic_accel.core.tick.device_side import LATE_TIME, LONGEST, PAST_TICK
 from haptic_accel.core.tick.histogram import QUANTILES
 
 AGE_OF = "actuator force"
-"""Command whose age is reported, as users feel its force."""
+"""Command whose age is reported, as users perceive this force."""
 
 COMMANDS = {
     AGE_OF: ("master_device", AGE_OF),
     "master arm force": ("master_device", "arm force"),
     "slave arm force": ("slave_device", "arm force"),
 }
-"""Node of each kind of command, and its name in diagnostics."""
+"""Node that applies each kind of command, and the command's name in diagnostics."""
 
 DEVICES = tuple(dict.fromkeys(node for node, _ in COMMANDS.values()))
 """Nodes that apply forces."""
@@ -58,16 +58,16 @@ class Delivery:
         Age of the actuator's forces when applied, us, from the device's last report: p50, p90,
         p99, p99_9, max.
     deadlines : dict
-        Forces with a due time (``due``) and forces that took effect later (``missed``), by kind of
-        command, in this section by the devices' reports: ``{"actuator force": {"due": n, "missed":
-        n, "past_tick": n, "longest_us": t, "late_s": t}, ...}``. ``longest_us`` is NaN if an
-        earlier force was later. Older bags lack the last three keys; their ``missed`` counts
-        forces that arrived after their tick was executed.
+        Counts of forces with a due time (``due``) and of forces that acted later (``missed``), by
+        kind of command, from the devices' reports for this section: ``{"actuator force": {"due":
+        n, "missed": n, "past_tick": n, "longest_us": t, "late_s": t}, ...}``. ``longest_us`` is
+        NaN if the maximum occurred before the section. Older bags lack the last three keys; their
+        ``missed`` counts forces that arrived after their tick was executed.
     ticks_late_us : float
         Maximum delay of a device's tick since the device was opened, us; NaN if not reported.
     warnings : list of str
-        Warnings in the nodes' diagnostics, each kind once with its largest number; missed
-        deadlines are omitted.
+        Warnings in the nodes' diagnostics, each kind once with its largest number, without missed
+        deadlines.
     nodes : dict
         Last diagnostics of each node.
     """
@@ -82,7 +82,7 @@ class Delivery:
 
     @property
     def by_clock(self) -> bool:
-        """True if the clock measured all missed deadlines, or none occurred."""
+        """True if all missed deadlines were measured by the clock, or none occurred."""
         return all("longest_us" in counts for counts in self.deadlines.values())
 
 
@@ -117,7 +117,7 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
         if any(topic.source == arm for topic in known)
     }
     end = start + round(length * (NANOSECONDS / rate))
-    # Before and after a trial, nodes wait for each other.
+    # Reports before and after a trial contain waits of nodes for each other.
     reports = [said for said in recorded.diagnostics if start <= said.received < end]
     coupled = recorded.coupled(topics.MASTER) or [(start, end)]
     return Delivery(
@@ -205,9 +205,9 @@ def _report(recorded: Bag, node: str, end: int) -> Mapping[str, str]:
 
 
 def _counts(recorded: Bag, node: str, end: int) -> Mapping[str, str]:
-    """Return a node's first report after the end of a section, else its last report.
+    """Return a node's first report after a section, or else the node's last report.
 
-    Reports before the end do not count the pause that disengaged the arms.
+    Earlier reports do not include the pause that disengaged the arms.
     """
     reports = [d for d in recorded.diagnostics if d.node == node]
     after = [d for d in reports if d.received >= end] or reports[-1:]
@@ -219,8 +219,8 @@ def _deadlines(
 ) -> dict[str, float]:
     """Return a command's deadline statistics in a span of time, ns; empty if none was due.
 
-    Devices report once a second what they have counted since they were opened. Between reports,
-    counts grow evenly while the arms are coupled, as a force is due at every sample.
+    Devices report counts since they were opened, once per second. Counts are interpolated between
+    reports, over the time in which the arms are coupled, as a force is due at every sample.
     """
     reports = [
         (said.received, counts)
@@ -253,9 +253,9 @@ def _deadlines(
 def _first_counts(
     first: tuple[int, Mapping[str, float]], rate: float, begin: int
 ) -> dict[str, float]:
-    """Return a device's counts at the start of a bag, which may begin after the device.
+    """Return a device's counts at the start of a bag, which may start after the device.
 
-    At most one force is due at each sample: others were due before.
+    At most one force is due at each sample, so further forces were due before the bag.
     """
     received, counts = first
     here = max(0.0, (received - begin) * rate / NANOSECONDS)
@@ -267,7 +267,7 @@ def _first_counts(
 def _at(
     span: tuple[int, int], times: Sequence[int], total: FloatArray, coupled: _Spans
 ) -> FloatArray:
-    """Return a growing count, given at some times, at the two ends of a span."""
+    """Interpolate an increasing count at both ends of a span."""
     moments: list[int] = []
     values: list[float] = []
     value = 0.0
@@ -288,7 +288,7 @@ def _reported(values: Mapping[str, str], command: str) -> dict[str, float]:
     if not due:
         return {}
     found: dict[str, float] = {"due": due, "missed": missed}
-    with suppress(ValueError):  # older devices did not count this
+    with suppress(ValueError):  # older devices lack these counts
         found |= {
             "past_tick": count(values, f"{command} {PAST_TICK}"),
             "longest_us": read_decimal(values.get(f"{command} {LONGEST}", "")),

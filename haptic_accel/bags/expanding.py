@@ -26,14 +26,14 @@ RATIO = 100
 """Additional permitted bytes per byte of a file; its signals expand by a factor of two to ten."""
 
 LARGEST_FILE = 1 << 50
-"""Maximum size of a file, bytes; far above any, as only parts are read at a time."""
+"""Maximum size of a file, bytes; practically unlimited, as files are read in parts."""
 
 
 class Allowance:
     """Limit on the total expanded size of a file's parts."""
 
     def __init__(self, path: Path) -> None:
-        with opened(path, LARGEST_FILE):  # tells what is no file
+        with opened(path, LARGEST_FILE):  # rejects what is not a file
             self._most = self._left = ALWAYS + RATIO * path.stat().st_size
 
     def spend(self, size: int) -> None:

@@ -28,7 +28,7 @@ RUN, LOCKSTEP = "run", "lockstep"
 
 
 def custom_data(text: str) -> dict[str, str]:
-    """Return metadata in rosbag2's form: text by name.
+    """Return metadata in the form of rosbag2's custom data: text by name.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def custom_data(text: str) -> dict[str, str]:
     Raises
     ------
     ParameterError
-        The text is no JSON object.
+        The text is not a JSON object.
     """
     try:
         given = json.loads(text or "{}")
@@ -56,7 +56,7 @@ def custom_data(text: str) -> dict[str, str]:
 
 
 def facts_of(custom: Mapping[str, str]) -> dict[str, Any]:
-    """Return a bag's custom data as metadata; text that is no JSON remains text."""
+    """Return metadata from a bag's custom data; text that is not JSON remains text."""
     facts: dict[str, Any] = {}
     for key, value in custom.items():
         if (name := key.removeprefix(PREFIX)) == key:
@@ -69,7 +69,7 @@ def facts_of(custom: Mapping[str, str]) -> dict[str, Any]:
 
 
 def facts_text(arguments: Mapping[str, Any], parameters: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the JSON input for `custom_data`."""
+    """Return the JSON text that `custom_data` reads."""
     return json.dumps({ARGUMENTS: dict(arguments), PARAMETERS: parameters})
 
 
@@ -95,7 +95,7 @@ def read_description(text: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        The text is no JSON object, or describes no parameters of nodes.
+        The text is not a JSON object, or does not describe parameters of nodes.
     """
     try:
         facts = json.loads(text)

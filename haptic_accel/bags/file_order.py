@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files of one recording in order of their content, whatever their names or metadata.yaml say."""
+"""Order of a recording's files by their content, despite wrong names or metadata.yaml."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ COPIED = 0.5
 _RELEASED = round(RELEASED * NANOSECONDS)
 _WEIGHTS = np.array([1.0, np.pi, np.e])
 _OUTLIERS = 100
-"""Messages per stamp at each end of a file that may be far from all others."""
+"""Number of messages for which one stamp at each end of a file may be an outlier."""
 
 
 def marks_of(vectors: FloatArray) -> IntArray:
-    """Return numbers that are equal for equal vectors of shape (n, 3), and hardly else."""
+    """Return hashes of vectors, shape (n, 3)."""
     with np.errstate(all="ignore"):
         sums: FloatArray = vectors @ _WEIGHTS
     return sums.view(np.int64)
@@ -40,7 +40,7 @@ def marks_of(vectors: FloatArray) -> IntArray:
 
 @dataclass
 class FileContent:
-    """Content of one file, which shows its position in the recording.
+    """Content of one file, from which its position in the recording follows.
 
     Attributes
     ----------
@@ -93,13 +93,13 @@ class Recording:
     Attributes
     ----------
     files : list of FileContent
-        In order.
+        Files in the order of the recording.
     ranks : ndarray of int64
-        Rank of each file of the folder in the recording; -1 for a file of another one.
+        Rank in the recording of each file in the folder; -1 for files of other recordings.
     custom : dict
         Custom data of the recording.
     notes : list of str
-        Files of other recordings, and other orders, one line each.
+        Notes on files of other recordings and on changed orders, one line each.
     """
 
     files: list[FileContent]
@@ -108,7 +108,7 @@ class Recording:
     notes: list[str]
 
     def moved(self, offsets: IntArray) -> IntArray:
-        """Return the offsets of messages in the recording; -1 for those of other recordings."""
+        """Convert offsets in the folder to offsets in the recording; -1 for other recordings."""
         ranks = self.ranks[offsets >> FILE_BITS] if len(offsets) else offsets
         within = offsets & ((1 << FILE_BITS) - 1)
         return np.where(ranks < 0, -1, (ranks << FILE_BITS) + within)
@@ -116,7 +116,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class _Span:
-    """Stamps of a file's most frequent topic: first and last to arrive, lowest and highest."""
+    """Stamps of a file's most frequent topic: first and last by arrival, lowest, highest."""
 
     topic: str
     first: int
@@ -129,20 +129,21 @@ class _Span:
 def recordings(
     files: Sequence[FileContent], listed: Sequence[str], custom: Mapping[str, str]
 ) -> Iterator[Recording]:
-    """Yield the recordings in a folder, that of metadata.yaml first, usually the only one.
+    """Yield the recordings in a folder, usually one; the recording of metadata.yaml is first.
 
     Parameters
     ----------
     files : sequence of FileContent
-        In order of the numbers in their names.
+        Files in order of the numbers in their names.
     listed : sequence of str
-        Names in order of metadata.yaml.
+        Names in the order of metadata.yaml.
     custom : mapping
         Custom data of metadata.yaml.
     """
     spans = {number: span for number, file in enumerate(files) if (span := _span(file))}
     left, stated = _order(files, spans, listed), dict(custom)
-    # Metadata that were edited, which no file repeats, hold for the first recording all the same.
+    # Edited metadata, which differ from the copies in all files, still apply to the first
+    # recording.
     own = {} if all(_foreign(file, stated) for file in files) else stated
     while left:
         notes: list[str] = []
@@ -167,9 +168,9 @@ def recordings(
 def contradictions(
     metadata: Metadata, files: Sequence[FileContent] | Sequence[FileEntry]
 ) -> Iterator[str]:
-    """Yield the differences between metadata.yaml and all its files, which are undamaged.
+    """Yield differences between metadata.yaml and its files, if all are undamaged.
 
-    Metadata of old versions of rosbag2 have counts and times of the bag, but not of each file.
+    In old versions of rosbag2, metadata have counts and times of the bag, but not of each file.
     """
     if not metadata.files:
         return
@@ -210,19 +211,19 @@ def _span(file: FileContent) -> _Span | None:
 def _order(
     files: Sequence[FileContent], spans: Mapping[int, _Span], listed: Sequence[str]
 ) -> list[int]:
-    """Return the files' numbers in the order of the recording."""
+    """Return the files' indices in the order of the recording."""
     numbered = list(spans)
     ranks = {name: at for at, name in enumerate(listed)}
     stated = sorted(numbered, key=lambda n: ranks.get(files[n].name, len(listed)))
     timed = sorted(numbered, key=lambda n: spans[n].first)
-    # Names and metadata that agree are right unless the content is.
+    # An order on which names and metadata agree is tried first.
     tried = [stated, timed] if stated == numbered and listed else [timed, numbered, stated]
     best = min(tried, key=lambda o: continuous((spans[n].first, spans[n].last) for n in o))
     return best + [number for number in range(len(files)) if number not in spans]
 
 
 def _foreign(file: FileContent, custom: Mapping[str, str]) -> str:
-    """Return the reason why a file's metadata are of another recording; empty for none."""
+    """Return the reason why a file's metadata belong to another recording; empty if none."""
     for key in (PREFIX + ARGUMENTS, PREFIX + PARAMETERS):
         own, other = file.custom.get(key), custom.get(key)
         if own and other and own != other:
@@ -233,7 +234,7 @@ def _foreign(file: FileContent, custom: Mapping[str, str]) -> str:
 def _conflict(
     files: Sequence[FileContent], spans: Mapping[int, _Span], used: Sequence[int], number: int
 ) -> str:
-    """Return the reason why a file's samples are of another recording; empty for none."""
+    """Return the reason why a file's samples belong to another recording; empty if none."""
     known = [spans[other] for other in used if other in spans]
     if number not in spans or not known:
         return ""

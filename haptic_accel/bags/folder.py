@@ -62,9 +62,9 @@ def find_bags(path: Path) -> list[Path]:
 def is_being_written(path: Path) -> bool:
     """Return whether a program on this machine has a file open for writing.
 
-    The kernel refuses a lease for reading on such a file, whatever the program, and grants it
-    again as soon as the program has ended, in whatever way. Without leases, as on Windows or on
-    some network drives, the answer is no.
+    The kernel refuses a read lease on such a file, and grants it as soon as the program has closed
+    the file or ended. The result is False where leases do not exist, as on Windows or on some
+    network drives.
     """
     try:
         import fcntl
@@ -87,11 +87,11 @@ def free_name(path: Path) -> Path:
 
 
 def listed_name(name: str) -> str:
-    """Return a file's name as a text in UTF-8 can list it: other bytes are replaced."""
+    """Return a file's name as UTF-8 text; other bytes are replaced."""
     return os.fsencode(name).decode(errors="replace")
 
 
 def _numbers(path: Path) -> list[tuple[int, str]]:
-    """Return the parts of a name with their numbers, wherever the counter is."""
+    """Return a sort key of a name that compares the numbers in it by value."""
     parts = enumerate(re.split("([0-9]+)", path.name))
     return [(int(part) if index % 2 else 0, part) for index, part in parts]

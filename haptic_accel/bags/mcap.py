@@ -44,13 +44,13 @@ MOST_PROBLEMS = 100
 
 _LOOSE_KINDS = (mcap.SCHEMA, mcap.CHANNEL, mcap.MESSAGE)
 _READ_KINDS = (*_LOOSE_KINDS, mcap.CHUNK, mcap.MESSAGE_INDEX, mcap.METADATA, mcap.DATA_END)
-# Index records: offset of position and length, and the kind of record at that position.
+# Kind of an index record, offset of position and length in it, and kind of the indexed record.
 _SPANS = ((mcap.CHUNK_INDEX, 16, mcap.CHUNK), (mcap.METADATA_INDEX, 0, mcap.METADATA))
 _UNKNOWN = -1
 """Invalid channel id; such chunks are scanned."""
 
-_FOOTER = struct.Struct("<BQQQI8s")  # including its record's header and the file's end mark
-_DATA_END = struct.Struct("<BQI")  # including its record's header
+_FOOTER = struct.Struct("<BQQQI8s")  # with the record's header and the file's end mark
+_DATA_END = struct.Struct("<BQI")  # with the record's header
 _ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
 # Record of a message up to its data: RECORD and MESSAGE_HEADER as a numpy type.
 _HEAD = np.dtype(
@@ -94,7 +94,7 @@ class Block:
     starts, ends : ndarray of int64, shape (n,)
         Start and end of each message in `bytes`.
     offsets : ndarray of int64, shape (n,)
-        Places of the messages in the file's order; unique in the file.
+        Positions of the messages in the file's order; unique in the file.
     """
 
     topic: str
@@ -143,13 +143,13 @@ class McapFile:
     Attributes
     ----------
     schemas, channels : dict
-        Items by number, as far as read.
+        Items read so far, by number.
     metadata : dict
         Texts of the metadata records, by record and key.
     problems : list of str
         Damage found during reading, one line each.
     unfinished : str
-        One line on the end of a file that was not closed; empty if it was closed.
+        Message about the end of a file that was not closed; empty if it was closed.
     """
 
     path: Path
@@ -200,7 +200,7 @@ class McapFile:
         Raises
         ------
         ValueError
-            The file is no MCAP file, or exceeds the limit of expansion.
+            The file is not an MCAP file, or exceeds the limit of expansion.
         OSError
             The file cannot be read.
         """
@@ -229,7 +229,7 @@ class McapFile:
         Raises
         ------
         ValueError, OSError
-            As for `blocks`.
+            See `blocks` for the conditions.
         """
         self._allowance = Allowance(self.path)
         with opened(self.path, LARGEST_FILE) as file:
@@ -253,7 +253,7 @@ class McapFile:
             self.problems.append(told)
 
     def _intact_index(self, file: BinaryIO, size: int) -> _Index | None:
-        """Return the index, or the reason why there is none."""
+        """Return the index; None if it is missing or damaged, which is reported."""
         try:
             return _index(file, size)
         except DamagedIndexError as error:
@@ -268,7 +268,7 @@ class McapFile:
             kind, length = RECORD.unpack(header)
             offset = file.tell()
             is_cut_off = offset + length > size
-            # After a power cut, a file may end in zeros.
+            # After a power cut, the end of a file may be zeros.
             if kind == mcap.NOTHING or (is_cut_off and kind != mcap.CHUNK):
                 return
             length = min(length, size - offset)
@@ -285,7 +285,7 @@ class McapFile:
     def _records_at(
         self, file: BinaryIO, size: int, spans: list[tuple[int, int, int]]
     ) -> Iterator[tuple[int, bytes]]:
-        """Yield records at the index's positions, and an end."""
+        """Yield the records at the index's positions, then an end record."""
         for offset, length, kind in spans:
             if length > LARGEST_RECORD or offset + length > size:
                 self._report(f"a record of {length} bytes is not where the index has it")
@@ -356,14 +356,14 @@ class McapFile:
         return Chunk(records, compression)
 
     def _placed(self, chunk: Chunk) -> Chunk:
-        """Return a chunk with its messages' offsets, from the message index if correct."""
+        """Return a chunk with its messages' offsets, from the message index if it is correct."""
         entries = chunk.entries
         if not entries or not entries.keys() <= self.channels.keys():
             return self._walked(chunk)
         if not all(_is_right(chunk.records, number, *rows) for number, rows in entries.items()):
             self._report("the index of a chunk is wrong")
             return self._walked(chunk)
-        # Other records declare topics, whose messages may be in later chunks only.
+        # Records before a message may declare topics of messages in later chunks.
         starts = np.concatenate([starts for _, starts in entries.values()])
         is_all = len(starts) and _sizes(chunk.records, starts).sum() == len(chunk.records)
         return chunk if is_all else self._walked(chunk)

@@ -26,9 +26,9 @@ STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(11, 16)
 RECORD = struct.Struct("<BQ")  # kind, and length of the content
 MESSAGE_HEADER = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 CHUNK_HEADER = struct.Struct("<QQQI")  # start, end, uncompressed size, CRC-32 of the records
-# Start, end; position and length of the chunk, and length of the map of channels that follows.
+# Start and end time; position and length of the chunk; length of the following map of channels.
 CHUNK_INDEX_HEADER = struct.Struct("<QQQQI")
-# Messages; schemas, channels, attachments, metadata, chunks; start, end, size of the counts.
+# Numbers of messages, schemas, channels, attachments, metadata, chunks; start, end; counts' size.
 STATISTICS_HEADER = struct.Struct("<QHIIIIQQI")
 COUNT = struct.Struct("<HQ")  # channel, and messages or a position
 SPAN = struct.Struct("<QQ")  # position and length, or two positions

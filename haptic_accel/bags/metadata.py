@@ -78,7 +78,7 @@ def _definition(kind: str) -> tuple[str, str]:
 
 @cache
 def types_store() -> Typestore:
-    """Return the known types, whose readers are compiled once."""
+    """Return the known types; cached, as their readers are compiled once."""
     return get_typestore(Stores.ROS2_JAZZY)
 
 
@@ -103,7 +103,7 @@ def _message_file(kind: str) -> Path:
 
 
 def _names(parsed: object) -> Iterator[str]:
-    """Yield all texts in nested tuples and lists; these include type names."""
+    """Yield all texts in nested tuples and lists, which include type names."""
     if isinstance(parsed, str):
         yield parsed
     elif isinstance(parsed, (tuple, list)):
@@ -120,13 +120,13 @@ STORAGE = "mcap"
 _SUM = "# CRC-32 of the lines above: "
 """Start of the last line; a comment in YAML. Files of other programs lack it."""
 
-# Ten times faster with libyaml, if PyYAML includes it.
+# The dumper of libyaml, if PyYAML includes it, is ten times faster.
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 _ROOT = "rosbag2_bagfile_information"
 _COUNT = Specification("number of messages, or time", "", 0, NEVER)
 _LONG = 2**31 - 1
-"""Line width at which no text is wrapped, columns."""
+"""Line width that prevents wrapping of any text, columns."""
 
 
 class MetadataError(Exception):
@@ -140,7 +140,7 @@ class FileEntry:
     Attributes
     ----------
     name : str
-        Relative to the bag's folder.
+        Name relative to the bag's folder.
     start, end : int
         Recording times of the first and last message, system time in ns; `NEVER` and 0 without
         messages.
@@ -221,7 +221,7 @@ class Metadata:
 
     @property
     def text(self) -> str:
-        """Copy for a storage file, read by rosbag2."""
+        """Metadata as text for a storage file, where rosbag2 reads them."""
         return _yaml(self._content())
 
     def write(self, folder: Path) -> None:
@@ -263,7 +263,7 @@ def topic_entry(connection: Connection, messages: int) -> TopicEntry:
 def _channel_entry(channel: Channel, messages: int) -> TopicEntry:
     """Return the entry of an MCAP file's channel."""
     texts: dict[str, str] = {}
-    offered: tuple[Qos, ...] = ()  # for a damaged channel: the topic still exists
+    offered: tuple[Qos, ...] = ()  # default for a damaged channel
     with suppress(ReaderError, *DAMAGE_ERRORS):
         texts = read_text_map(channel.metadata)
         offered = _read_qos(texts.get("offered_qos_profiles", ""))
@@ -300,9 +300,9 @@ def _checked_text(path: Path) -> str:
     Raises
     ------
     ValueError
-        The file is no text, or differs from its checksum.
+        The file is not a text, or does not match its checksum.
     OSError
-        The path is no file, or the file is too large.
+        The path is not a file, or the file is too large.
     """
     content = read_bytes(path)
     given = re.search(rb"%s([0-9a-f]{8})\n?\Z" % _SUM.encode(), content)
@@ -363,7 +363,7 @@ def _read_topic(content: Document) -> TopicEntry:
 
 
 def _read_qos(offered: Any) -> tuple[Qos, ...]:
-    """Return quality of service, stored as YAML text before version 9."""
+    """Return the quality of service, which was YAML text before version 9."""
     return tuple(parse_qos(load_yaml(offered) if isinstance(offered, str) else offered))
 
 

@@ -36,7 +36,7 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, one_line, warn_once
 
 MOST_MESSAGES = 500_000
-"""Number of messages of a part of a bag: 30 MB, and three times as much while it is sorted."""
+"""Maximum number of messages in a part of a bag: 30 MB, and three times as much during sorting."""
 
 _EVENTS = "parameter_events"
 _EVENTS_TYPE = "rcl_interfaces/msg/ParameterEvent"
@@ -70,10 +70,10 @@ class Signal:
     def on_grid(
         self, start: int, rate: float, length: int, axes: Axes = ACTUATOR_AXES
     ) -> tuple[FloatArray, sampling.BoolArray]:
-        """Return the components along some axes on a grid, and a mask of samples.
+        """Return the components along specified axes on a grid, and a mask of existing samples.
 
-        The components have shape (n,) for one axis, and (n, k) for several. Parameters as for
-        `core.sampling.grid_indices` and `core.sampling.on_grid`.
+        The components have shape (n,) for one axis, and (n, k) for several. The parameters are
+        those of `core.sampling.grid_indices` and `core.sampling.on_grid`.
         """
         where = sampling.grid_indices(self.stamps, start, rate)
         first, *others = axes.indices
@@ -137,9 +137,9 @@ class Bag:
     diagnostics : list of Diagnosis
     changes : list of Change
     facts : dict
-        Data stored by the recorder: ``version``, ``arguments``, ``parameters``, ``host``. Without
-        them, ``parameters`` as the graph's nodes described or declared them in the bag; empty for
-        bags of other programs.
+        Metadata stored by the recorder: ``version``, ``arguments``, ``parameters``, ``host``.
+        Otherwise ``parameters`` as described or declared by the graph's nodes in the bag; empty
+        for bags of other programs.
     counts : dict
         Number of messages by full topic name.
     problems : list of str
@@ -175,8 +175,8 @@ class Bag:
     def latency(self) -> int | None:
         """Delay from sample to force, in samples.
 
-        0 for forces applied on arrival, as in older bags with arguments but without a latency;
-        None if the bag states neither.
+        The delay is 0 for forces applied on arrival, as in older bags with arguments but without a
+        latency, and None if the bag states neither.
         """
         arguments, nodes = self.facts.get("arguments"), self.facts.get(PARAMETERS)
         own = [nodes.get(name) for name in _APPLIED] if isinstance(nodes, dict) else []
@@ -188,7 +188,7 @@ class Bag:
 
     @property
     def axes(self) -> Axes:
-        """Axes of the vibration: those of the compensator, or those along which it ever acted."""
+        """Axes of the vibration: the compensator's axes, or the axes with any vibration."""
         nodes = self.facts.get("parameters")
         compensator = nodes.get("compensator") if isinstance(nodes, dict) else None
         stated = compensator.get("axes") if isinstance(compensator, dict) else None
@@ -210,7 +210,8 @@ class Bag:
     def coupled(self, arm: topics.ArmTopics) -> list[tuple[int, int]]:
         """Return start and end of each period in which an arm was coupled, ns.
 
-        Empty without forces of the arm's motors; see `core.sampling.coupled_stretches`.
+        The list is empty without forces of the arm's motors; see
+        `core.sampling.coupled_stretches`.
         """
         forces, samples = (self.signals.get(t.name) for t in (arm.arm_force, arm.acceleration))
         if forces is None:
@@ -220,7 +221,7 @@ class Bag:
 
 
 def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
-    """Read a bag; of several recordings in its folder, the first.
+    """Read a bag; if its folder has several recordings, read the first.
 
     Parameters
     ----------
@@ -228,12 +229,12 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
         Folder of a bag, or one of its files.
     vectors : collection of str, optional
         Names of the topics whose vectors are needed. Other topics keep only stamps, without
-        recording times, which takes a fifth of the memory. Default: everything.
+        recording times, which takes a fifth of the memory. Default: all topics with all data.
 
     Raises
     ------
     ParameterError
-        The path is no bag, or the bag is unreadable.
+        The path is not a bag, or the bag is unreadable.
     """
     return read_bags(path, vectors)[0]
 
@@ -264,10 +265,10 @@ def read_bags(path: Path | str, vectors: Collection[str] | None = None) -> list[
 
 
 def read_parts(path: Path, most: int = MOST_MESSAGES) -> Iterator[Bag]:
-    """Yield a bag's contents in parts of bounded memory, each in order of time by itself.
+    """Yield a bag's contents in parts of bounded memory, each sorted by time.
 
-    The order of files is that of their names. Whether parts follow each other in time, and are of
-    one recording, is for the caller to check; `read_bags` decides it for the folder as a whole.
+    Files are read in the order of their names. The caller has to check whether the parts follow
+    each other in time and belong to one recording; `read_bags` checks the whole folder.
 
     Parameters
     ----------
@@ -279,9 +280,9 @@ def read_parts(path: Path, most: int = MOST_MESSAGES) -> Iterator[Bag]:
     Raises
     ------
     ParameterError
-        The path is no bag.
+        The path is not a bag.
     ValueError
-        Or another one of `mcap.DAMAGE_ERRORS`: a file cannot be read.
+        A file cannot be read; may be any of `mcap.DAMAGE_ERRORS`.
     """
     whole = Bag(path)
     metadata, sources = _contents(whole)
@@ -307,12 +308,12 @@ def messages_of(path: Path, kinds: Collection[str]) -> Iterator[tuple[str, int, 
     path : Path
         Folder of a bag, or one of its files.
     kinds : collection of str
-        Types as in ``sensor_msgs/msg/Image``.
+        Message types such as ``sensor_msgs/msg/Image``.
 
     Raises
     ------
     ParameterError
-        The path is no bag, or one of the messages is damaged.
+        The path is not a bag, or one of the messages is damaged.
     """
     whole = Bag(path)
     for source in _contents(whole)[1]:
@@ -324,7 +325,7 @@ def messages_of(path: Path, kinds: Collection[str]) -> Iterator[tuple[str, int, 
                 data = block.bytes[start:end].tobytes()
                 try:
                     message = types_store().deserialize_cdr(data, block.type)
-                except Exception as error:  # of any kind, as for `_Collected`
+                except Exception as error:  # any kind, as for `_Collected`
                     raise ParameterError(
                         f"{path}: {block.topic}: a message cannot be read: {one_line(error)}"
                     ) from None
@@ -332,7 +333,7 @@ def messages_of(path: Path, kinds: Collection[str]) -> Iterator[tuple[str, int, 
 
 
 def read_bag_with_warnings(path: Path | str) -> Bag:
-    """Read all of a bag as `read_bag` does, and log its problems as warnings."""
+    """Read a complete bag by `read_bag`, and log its problems as warnings."""
     bag = read_bag(path)
     for problem in bag.problems:
         warn_once(f"{bag.path.absolute()}: {problem}")
@@ -400,7 +401,7 @@ def _stored_blocks(source: Path, problems: list[str], custom: dict[str, str]) ->
         for end in (
             "-wal",
             "-journal",
-        ):  # where SQLite keeps messages that are not yet in the file
+        ):  # SQLite's pending messages
             if os.path.exists(f"{source}{end}") and os.path.getsize(f"{source}{end}"):
                 advice = "sqlite3 adds its messages when it opens the file once"
                 problems.append(f"{source.name}{end} is not read: {advice}")
@@ -440,11 +441,11 @@ _IN_ORDER = (
     "SELECT topics.name, topics.type, messages.timestamp, messages.id, messages.data"
     " FROM messages JOIN topics ON messages.topic_id = topics.id ORDER BY messages.id"
 )
-"""Query of the messages in order of arrival; readers of rosbags give them in order of time."""
+"""Query of the messages in order of arrival; the readers of rosbags sort them by time."""
 
 
 def _check_tables(database: sqlite3.Connection) -> None:
-    """Reject a database with computed rows, which may be endless."""
+    """Reject a database with computed rows, whose number may be unlimited."""
     for kind, name, statement in database.execute("SELECT type, name, sql FROM sqlite_master"):
         words = str(statement).upper()
         is_stored = kind in ("table", "index") and not words.startswith("CREATE VIRTUAL")
@@ -454,7 +455,7 @@ def _check_tables(database: sqlite3.Connection) -> None:
 
 
 def _is_compressed(block: Block) -> bool:
-    """Return whether messages were compressed one by one, whatever metadata.yaml says.
+    """Return whether messages are compressed one by one, independent of metadata.yaml.
 
     A message begins with a zero in every encoding of CDR.
     """
@@ -484,7 +485,7 @@ def _joined(
 
 
 def news(changes: Sequence[Change]) -> Iterator[Change]:
-    """Yield the changes that are not there already, as nodes also repeat their parameters."""
+    """Yield the changes of values; nodes also repeat unchanged parameters."""
     known: dict[tuple[str, str], str] = {}
     for change in changes:
         key, value = (change.node, change.parameter), repr(change.value)
@@ -501,7 +502,7 @@ class _Collected:
     file : FileContent
         File that is being read.
     namespace : str or None
-        Namespace of the first graph found; others are ignored.
+        Namespace of the first graph found; other graphs are ignored.
     """
 
     def __init__(
@@ -512,10 +513,11 @@ class _Collected:
         self.file = file_order.FileContent("")
         self.namespace = namespace
         self._before = 0  # offset of the file's beginning
-        # Stamps, offsets, marks, times and values of each topic, as bytes, which grow in place;
-        # arrays would need a copy.
+        # Stamps, offsets, marks, times and values of each topic, as byte arrays, which can grow
+        # without a copy.
         self._columns: dict[str, tuple[bytearray, ...]] = {}
-        # With the node's namespace, as all graphs of a ROS domain publish to the same two topics.
+        # The node's namespace is kept, as all graphs of a ROS domain publish to the same two
+        # topics.
         self._diagnostics: list[tuple[str, int, Diagnosis]] = []
         self._changes: list[tuple[str, int, Change]] = []
         self._stated: list[tuple[str, int, Change]] = []
@@ -523,7 +525,7 @@ class _Collected:
         self._files, self._is_alone = 0, True
 
     def begin(self, name: str, *, is_alone: bool) -> file_order.FileContent:
-        """Return a file's content, to which the next blocks are added."""
+        """Start a file; return its content, to which the next blocks are added."""
         self._before = self._files << file_order.FILE_BITS
         self._files += 1
         self.file = file_order.FileContent(name)
@@ -591,7 +593,7 @@ class _Collected:
     def _of_graph(
         self, items: Sequence[tuple[str, int, _Kind]], used: file_order.Recording
     ) -> tuple[list[_Kind], sampling.IntArray]:
-        """Return the graph's items of the used files in order of arrival, and their offsets."""
+        """Return the graph's items in the used files in order of arrival, and their offsets."""
         ours = [rest for below, *rest in items if self.namespace in (None, below)]
         offsets = used.moved(np.array([offset for offset, _ in ours], np.int64))
         order = np.argsort(offsets, kind="stable")
@@ -601,7 +603,7 @@ class _Collected:
     def _in_time(
         self, items: Sequence[tuple[str, int, _Item]], used: file_order.Recording, found: Timeline
     ) -> list[_Item]:
-        """Return the graph's reports or changes in order of time, each once."""
+        """Return the graph's reports or changes in order of time, without duplicates."""
         ours, offsets = self._of_graph(items, used)
         times = found.moved(np.array([item.received for item in ours], np.int64), offsets)
         moved: dict[str, _Item] = {}
@@ -640,7 +642,7 @@ class _Collected:
             self.file.add(name, Arrivals(stamps, offsets, marks))
 
     def _add_diagnostics(self, block: Block) -> None:
-        # Before 0.2.0, a topic in the graph's namespace, with the node's name only.
+        # Before 0.2.0, diagnostics were in the graph's namespace, with the node's name only.
         below = block.topic.removesuffix(f"/{_REPORTS}")
         for received, offset, message in self._decoded(block):
             for status in message.status:
@@ -662,7 +664,7 @@ class _Collected:
                     self._stated.append((namespace, offset, change))
 
     def _add_descriptions(self, block: Block) -> None:
-        """Add the nodes' descriptions of themselves."""
+        """Add the nodes' descriptions of their parameters."""
         namespace = block.topic.removesuffix(f"/{topics.DESCRIPTION.name}")
         for received, offset, message in self._decoded(block):
             try:
@@ -687,7 +689,7 @@ class _Collected:
                 data = block.bytes[start:end].tobytes()
                 yield received, offset, types_store().deserialize_cdr(data, block.type)
             except Exception as error:
-                # Bytes of other messages cause arbitrary errors.
+                # Bytes of another message type cause arbitrary errors.
                 self._once(f"{block.topic}: a message cannot be read: {error}")
 
     def _once(self, text: str) -> None:

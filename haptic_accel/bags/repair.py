@@ -20,7 +20,7 @@ from haptic_accel.bags.metadata import Metadata, MetadataError, TopicEntry, read
 from haptic_accel.core.parameters import ParameterError
 
 DAMAGED = ".damaged"
-"""Suffix for the name of a replaced file."""
+"""Suffix of the original file after its replacement."""
 
 
 class DamagedError(Exception):
@@ -57,7 +57,7 @@ def inspect(path: Path) -> Metadata:
     Raises
     ------
     DamagedError
-        The index is missing or damaged, or the file is no MCAP file.
+        The index is missing or damaged, or the file is not an MCAP file.
     """
     file = McapFile(path)
     try:
@@ -73,7 +73,7 @@ def _inspect_all(path: Path) -> Metadata:
     Raises
     ------
     DamagedError
-        As for `inspect`, or another part is damaged.
+        Any part of the file is damaged, or it is not an MCAP file.
     """
     metadata, file = inspect(path), McapFile(path)
     deque(file.chunks(), maxlen=0)
@@ -85,7 +85,7 @@ def _inspect_all(path: Path) -> Metadata:
 def repair(path: Path) -> Repair:
     """Repair a bag; an intact bag remains unchanged.
 
-    A replaced file is kept with the suffix `DAMAGED`.
+    Originals of replaced files are kept with the suffix `DAMAGED`.
 
     Parameters
     ----------
@@ -95,8 +95,8 @@ def repair(path: Path) -> Repair:
     Raises
     ------
     ParameterError
-        The path is no bag, the bag's files are no MCAP files, or one is still being written or has
-        a name that is not UTF-8.
+        The path is not a bag, the bag's files are not MCAP files, or a file is still being written
+        or has a name that is not UTF-8.
     OSError
         A file cannot be written.
     """
@@ -174,7 +174,7 @@ def _rebuild(damaged: Path, target: Path, custom: dict[str, str]) -> list[str]:
     Raises
     ------
     ValueError
-        The file is no MCAP file.
+        The file is not an MCAP file.
     """
     source = McapFile(damaged)
     rebuilt: ChunkedWriter | None = None
@@ -207,7 +207,7 @@ def _counts(metadata: Metadata) -> tuple[object, ...]:
 
 
 def _custom_data(files: Sequence[Path]) -> dict[str, str]:
-    """Return the custom data of the first closed file that has some."""
+    """Return the custom data of the first closed file with custom data."""
     for path in files:
         file = McapFile(path)
         with suppress(OSError, *DAMAGE_ERRORS):

@@ -4,7 +4,7 @@
 """Undocumented names of rosbags; other modules import them from here only.
 
 `setup.py` permits the rosbags versions with these names. A test imports each name, and thus
-detects a release that moves it. rosbags uses the same compressions.
+detects a release that moves it. The compression libraries are those of rosbags.
 """
 
 import sys

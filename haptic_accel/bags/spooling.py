@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags of any length, whose signals lie on the disk instead of in memory."""
+"""Reader for bags of any length, whose signals are on disk instead of in memory."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from haptic_accel.core.sampling import NANOSECONDS, IntArray, sampling_rate
 
 
 class _DisorderError(Exception):
-    """Error: only the bag as a whole tells the order of its samples."""
+    """Error: the order of samples can only be determined from the complete bag."""
 
 
 class _Column:
-    """Signal that grows on the disk."""
+    """Signal that grows on disk."""
 
     def __init__(self, folder: Path, name: str) -> None:
         base = folder / name.replace("/", "-")
@@ -35,7 +35,7 @@ class _Column:
         self._last: int | None = None
 
     def add(self, signal: Signal) -> None:
-        """Append samples; refuse those that are not later than the present ones."""
+        """Append samples; refuse samples that are not later than the present ones."""
         if self._last is not None and signal.stamps[0] <= self._last:
             raise _DisorderError
         for file, array in zip(self._open, (signal.stamps, signal.values), strict=True):
@@ -62,17 +62,17 @@ def spooled_bags(
 ) -> list[Bag]:
     """Read the recordings of a bag, whose signals are mapped from files in a folder.
 
-    They are those of `read_bags`, without recording times and diagnostics. A bag in order of time
-    is read in parts; any other one needs as much memory as `read_bags`.
+    The recordings are those of `read_bags`, without recording times and diagnostics. A bag in
+    order of time is read in parts; any other bag needs as much memory as with `read_bags`.
 
     Parameters
     ----------
     path : Path
         Folder of a bag, or one of its files.
     folder : Path
-        Empty folder; the signals are gone with it.
+        Empty folder for the signals' files, which must exist as long as the signals.
     progress : callable
-        Called with the share of the messages that have been read, from 0 to 1.
+        Callback with the share of the messages read so far, from 0 to 1.
     most : int
         Number of messages in memory at a time.
 
@@ -86,7 +86,7 @@ def spooled_bags(
     parts = _in_order(read_parts(path, most))
     try:
         return [_spooled(Bag(path), _counted(parts, _messages(path), progress), folder, "")]
-    except (_DisorderError, *DAMAGE_ERRORS):  # which read_bags puts right as far as it can
+    except (_DisorderError, *DAMAGE_ERRORS):  # read_bags corrects these if possible
         whole = enumerate(read_bags(path))
         return [_spooled(each, iter([each]), folder, f"{n}-") for n, each in whole]
 
@@ -106,12 +106,12 @@ def _counted(
         yield part
         done += part.counts.total()
         progress(min(1.0, done / max(1, messages)))
-    if messages and done != messages:  # which the whole bag's problems name
+    if messages and done != messages:  # reading the whole bag reports this
         raise _DisorderError
 
 
 def _spooled(bag: Bag, parts: Iterator[Bag], folder: Path, prefix: str) -> Bag:
-    """Return a bag with the signals of its parts, in files that begin with a prefix."""
+    """Return a bag with the signals of its parts, in files whose names have a prefix."""
     columns: dict[str, _Column] = {}
     for part in parts:
         for name, signal in part.signals.items():
@@ -127,7 +127,7 @@ def _spooled(bag: Bag, parts: Iterator[Bag], folder: Path, prefix: str) -> Bag:
 
 
 def _in_order(parts: Iterator[Bag]) -> Iterator[Bag]:
-    """Yield parts as long as they are undamaged, of one recording and on one clock."""
+    """Yield parts while they are undamaged, from one recording, and on one clock."""
     first = next(parts)
     stated = {name: first.facts.get(name) for name in ("arguments", PARAMETERS)}
     name, period, drift, last = "", 0.0, 0.0, np.array([], np.int64)

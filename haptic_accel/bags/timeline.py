@@ -3,8 +3,9 @@
 
 """Order and times of a bag's samples, if messages are out of order or the clock was set.
 
-Stamps give the order of samples, wherever their messages are in a file. If different samples share
-times, or stamps go back across a gap, the clock was set back, and the order of arrival holds.
+Samples are ordered by stamp, independent of the messages' positions in a file. If different
+samples have the same stamps, or stamps go back across a gap, the clock was set back; the order of
+arrival then applies.
 """
 
 from __future__ import annotations
@@ -21,21 +22,21 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, BoolArray, IntArray, sampling_rate
 
 FAR = 1.0
-"""Distance of a stamp from all others above which it may be a stray, s."""
+"""Distance of a stamp from all other stamps above which it may be a stray, s."""
 
 STRAY_SHARE = 100
-"""Number of messages per message of a group of strays, at least."""
+"""Minimum ratio of the number of messages to the number of strays in a group."""
 
 MOST_STEPS = 20
-"""Maximum number of steps of the clock that are followed in one bag."""
+"""Maximum number of clock steps that are corrected in one bag."""
 
 SHUFFLED = 0.1
-"""Share of messages with an earlier stamp than the message before, above which only stamps tell
-the order."""
+"""Share of messages with an earlier stamp than the previous message, above which only stamps
+determine the order."""
 
 CROWDED = 1.5
-"""Span of three successive samples, in periods, below which not all are of one pass of the clock;
-usual is 2."""
+"""Span of three successive samples, in periods, below which stamps repeat earlier times; normally
+2."""
 
 CLEAN = 0.1
 """Maximum distance of a step between stamps from whole periods, in periods, on a clean grid."""
@@ -58,9 +59,9 @@ class Arrivals:
     stamps : ndarray of int64, shape (n,)
         Times of the samples, ns.
     offsets : ndarray of int64, shape (n,)
-        Places of the messages in the order of arrival; unique in the bag.
+        Positions of the messages in the order of arrival; unique in the bag.
     marks : ndarray of int64, shape (n,)
-        Numbers that are equal for equal samples.
+        Hashes of the samples.
     """
 
     stamps: IntArray
@@ -82,16 +83,16 @@ class _Step:
 
 @dataclass
 class Timeline:
-    """Times of a bag's messages on one clock that always advances.
+    """Times of a bag's messages on one monotonic clock.
 
     Attributes
     ----------
     chosen : dict of ndarray
-        Indices of each topic's messages in order of time, without those left out.
+        Indices of each topic's messages in order of time, without omitted messages.
     stamps : dict of ndarray
         Stamps of the chosen messages, ns.
     notes : list of str
-        Contradictions in the bag, and their treatment, one line each.
+        Contradictions in the bag, and their resolution, one line each.
     """
 
     chosen: dict[str, IntArray] = field(default_factory=dict)
@@ -102,12 +103,12 @@ class Timeline:
     _counted: tuple[IntArray, IntArray] | None = None
 
     def moved(self, times: IntArray, offsets: IntArray) -> IntArray:
-        """Return times of the bag's clock, with offsets of arrival, on this timeline, ns."""
+        """Convert times of the bag's clock, with offsets of arrival, to this timeline, ns."""
         parts = np.searchsorted(self._offsets, offsets, side="right")
         return self._steady(times + np.array(self._shifts, np.int64)[parts])
 
     def _steady(self, times: IntArray) -> IntArray:
-        """Return times on a clock with a constant rate."""
+        """Convert times to a clock with a constant rate."""
         if self._counted is None:
             return times
         own, steady = self._counted
@@ -167,7 +168,7 @@ def timeline(topics: Mapping[str, Arrivals], rate: float | None = None) -> Timel
 
 
 def _period(stamps: IntArray) -> float:
-    """Return the usual distance between stamps in order of arrival, ns."""
+    """Return the typical distance between stamps in order of arrival, ns."""
     steps = np.diff(stamps)
     steps = steps[steps > 0]
     return float(np.median(steps)) if len(steps) else 1.0
@@ -176,8 +177,8 @@ def _period(stamps: IntArray) -> float:
 def _strays(arrived: Mapping[str, Arrivals], period: float) -> Iterator[tuple[str, BoolArray]]:
     """Yield each topic with a mask of the messages whose stamps are far from all others.
 
-    They are few, in no place where other topics have samples too, or alone between neighbours. The
-    period, in ns, is 0 if neighbours tell nothing.
+    Strays are few and at times without samples of other topics, or single between neighbours. The
+    period, in ns, is 0 if neighbours are not to be compared.
     """
     every = np.sort(np.concatenate([given.stamps for given in arrived.values()]), kind="stable")
     groups = np.flatnonzero(np.diff(every) > FAR * NANOSECONDS) + 1
@@ -218,7 +219,7 @@ def _steps(given: Arrivals, period: float) -> Iterator[_Step]:
             if not len(back):
                 return
             gaps = np.sum(np.diff(np.sort(rest.stamps)) > _RELEASED)
-            # Chunks in another order leave no gap in order of time.
+            # Reordered chunks leave no gap in order of time.
             if gaps > np.sum(jumps > _RELEASED):
                 ends = back[:MOST_STEPS]
                 for offset, by in zip(rest.offsets[ends + 1], jumps[ends], strict=True):
@@ -230,7 +231,7 @@ def _steps(given: Arrivals, period: float) -> Iterator[_Step]:
 
 
 def _contradiction(given: Arrivals, period: float) -> int | None:
-    """Return the index of the first message at a time that is taken by another sample."""
+    """Return the index of the first message at a time that belongs to another sample."""
     if len(given.stamps) < 3 or bool((np.diff(given.stamps) > 0).all()):
         return None
     order = np.argsort(given.stamps, kind="stable")
@@ -250,9 +251,10 @@ def _contradiction(given: Arrivals, period: float) -> int | None:
 def _parts(
     left: Mapping[str, Arrivals], cuts: dict[str, list[_Step]], found: Timeline
 ) -> dict[str, IntArray]:
-    """Return for each topic's messages the number of steps before them; -1 if left out.
+    """Return the number of clock steps before each topic's messages; -1 for omitted messages.
 
-    All topics of a clock make its steps. A topic with other steps has a fault of its own.
+    A step of the clock appears in all of its topics. Steps in a single topic are faults of that
+    topic.
     """
     usual = Counter(len(steps) for steps in cuts.values() if steps).most_common(1)
     number = usual[0][0] if usual and usual[0][1] * 2 > len(cuts) else 0
@@ -271,10 +273,10 @@ def _parts(
         ]
         borders = [step.offset for step in matched]
         parts[name] = np.searchsorted(borders, given.offsets, side="right")
-        # The clock of reception was set before the first message of any topic with the new time.
+        # The receiving clock was set before the first message of any topic with the new time.
         found._offsets = [min(pair) for pair in zip(found._offsets, borders, strict=True)]
         cuts[name] = matched if all(step in own for step in matched) else []
-        # A message sent again, or overtaken by another one, is no step of a clock.
+        # A repeated or overtaken message is not a clock step.
         faults = [step for step in own if step not in matched and step.by < -_RELEASED]
         if faults:
             late = given.offsets >= faults[0].offset
@@ -294,7 +296,7 @@ def _join(
     period: float,
     found: Timeline,
 ) -> None:
-    """Let the samples after each step follow those before it by one period."""
+    """Shift the samples after each step to one period after the samples before it."""
     names = [name for name, steps in cuts.items() if len(steps) == len(found._offsets)]
     for number in range(1, len(found._offsets) + 1):
         before = [left[name].stamps[parts[name] == number - 1] for name in names]
@@ -311,7 +313,7 @@ def _join(
 
 
 def _once(given: Arrivals, stamps: IntArray) -> tuple[BoolArray, int, int]:
-    """Return a mask of the last message for each stamp; count copies, and contradictions."""
+    """Return a mask of the last message per stamp, and numbers of copies and contradictions."""
     sure = np.concatenate([np.diff(stamps) > 0, [True]])[: len(stamps)]
     lasts = np.flatnonzero(sure)
     last = lasts[np.searchsorted(lasts, np.arange(len(stamps)))]
@@ -320,7 +322,7 @@ def _once(given: Arrivals, stamps: IntArray) -> tuple[BoolArray, int, int]:
 
 
 def grid_steps(stamps: IntArray, period: float) -> tuple[FloatArray, FloatArray]:
-    """Return the steps between stamps in periods, as they are and as whole numbers from 1."""
+    """Return the steps between stamps in periods: exact, and rounded to at least 1."""
     steps = np.diff(stamps) / period
     return steps, np.maximum(1.0, np.rint(steps))
 
@@ -330,14 +332,14 @@ def _steadied(found: Timeline, rate: float | None) -> None:
     stamps = max(found.stamps.values(), key=len)
     try:
         period = NANOSECONDS / sampling_rate(stamps, rate)
-    except ParameterError:  # no grid, as the analysis says
+    except ParameterError:  # no sampling grid; the analysis reports this
         return
     steps, whole = grid_steps(stamps, period)
     is_clean = np.abs(steps - whole) <= CLEAN
     counted = np.concatenate([[0.0], np.cumsum(whole)])
     if np.mean(is_clean) < CLEAN_SHARE:
         return
-    # A sender that ends sends zero at once, beside the grid: that is no drift.
+    # A sender that ends sends zero at once, off the grid; this is not drift.
     end = np.flatnonzero(is_clean)[-1] + 2
     drift = ((stamps - stamps[0]) / period - counted)[:end]
     if np.abs(drift).max() <= MOST_DRIFT:
@@ -352,7 +354,7 @@ def _steadied(found: Timeline, rate: float | None) -> None:
 
 
 def continuous(order: Iterable[tuple[int, int]]) -> int:
-    """Return the number of files that do not begin where the file before ended.
+    """Return the number of files that do not start where the previous file ended.
 
     Parameters
     ----------

@@ -57,7 +57,7 @@ def write_trial(path: Path, trial: Trial, facts: Mapping[str, str], start: int) 
         The folder exists already, or cannot be written.
     """
     files = BagFiles(path, RecordingOptions(), facts)
-    if stated := facts_of(facts):  # other programs copy messages, but no metadata
+    if stated := facts_of(facts):  # other programs copy messages, not metadata
         described = connection(1, f"/{topics.DESCRIPTION.name}", topics.DESCRIPTION.type, [])
         files.add(described)
         files.write(described, start, pack_text(json.dumps({PARAMETERS: {}} | stated)))

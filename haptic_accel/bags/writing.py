@@ -1,10 +1,10 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writer of bags on a separate thread, so that nothing waits for the disk, and its session.
+"""Writer of bags on a separate thread, so that nodes never wait for the disk; sessions.
 
-A bag has files: splitting, metadata and error handling are theirs. A session starts, pauses,
-splits and stops the recording, with one bag after another.
+`BagFiles` splits files, writes metadata and handles errors. A `RecordingSession` starts, pauses,
+splits and stops recordings, with one bag after another.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class BagFiles:
     failure : str
         Error that ended the recording; empty while it continues.
     trouble : str
-        Error that did not end the recording; empty if none.
+        Error despite which the recording continues; empty if none.
 
     Raises
     ------
@@ -74,10 +74,10 @@ class BagFiles:
         self._connections: list[Connection] = []
         self._finished: dict[str, Tally] = {}
         self._given = 0  # messages in the file being written
-        self._begun = 0  # recording time of its first message
+        self._begun = 0  # recording time of the file's first message
         self._is_misplaced = False
-        self._moved_to: Path | None = None  # where misplaced files are now
-        self._known: dict[str, os.stat_result] = {}  # finished files, whatever has their names
+        self._moved_to: Path | None = None  # new location of misplaced files
+        self._known: dict[str, os.stat_result] = {}  # finished files, to detect replaced ones
         try:
             path.mkdir(parents=True)
             self._file: ChunkedWriter | None = self._open(0)
@@ -138,7 +138,7 @@ class BagFiles:
         try:
             following = self._open(len(self._finished) + 1)
         except OSError as error:
-            self._begun = 0  # not tried again with each message
+            self._begun = 0  # no new attempt at each message
             self.trouble = f"{self.path}: cannot be split: {_reason(error)}"
             return
         self._attempt(self._close_file)
@@ -177,7 +177,7 @@ class BagFiles:
         )
 
     def _attempt(self, action: Callable[..., None], *given: object) -> None:
-        """Apply an action to the file, unless the recording has failed."""
+        """Apply an action to the current file, unless the recording has failed."""
         if not self._file or self.failure:
             return
         try:
@@ -214,7 +214,7 @@ class BagFiles:
             self.failure = f"{lost[0]} was removed or replaced after it was recorded"
 
     def _is_there(self, name: str) -> bool:
-        """Return whether a finished file, and no other one, has its name."""
+        """Return whether a finished file still exists under its name."""
         for folder in (self.path, self._moved_to):
             with suppress(OSError):
                 if folder and os.path.samestat((folder / name).stat(), self._known[name]):
@@ -245,7 +245,7 @@ class BagFiles:
     def _renew_metadata(self) -> bool:
         """Write the metadata; return whether this succeeded."""
         if self._is_misplaced:
-            return True  # leave alone whatever replaced the folder
+            return True  # do not touch a folder that replaced the bag's
         try:
             self._metadata().write(self.path)
         except OSError as error:
@@ -299,7 +299,7 @@ class Load:
     Attributes
     ----------
     waiting, highest : int
-        Messages in the queue at present, and the maximum since the last request.
+        Number of messages in the queue at present, and maximum since the last request.
     flush_time : float
         Longest duration of a flush since the last request, s.
     """
@@ -331,7 +331,7 @@ class BagWriter:
     paused : bool
         True while messages are skipped.
     missing : int
-        Number of samples missing between the stamps of messages.
+        Number of samples missing according to gaps between stamps.
 
     Raises
     ------
@@ -369,7 +369,7 @@ class BagWriter:
         offered : sequence of Qos
             Quality of service offered by its publishers.
         sampled : bool
-            The stamps lie on a sampling grid, so that gaps can be counted.
+            True if the stamps lie on a sampling grid, so that gaps can be counted.
 
         Raises
         ------
@@ -395,7 +395,7 @@ class BagWriter:
 
     @property
     def dropped(self) -> int:
-        """Number of messages lost for lack of room in the queue or on the disk."""
+        """Number of messages lost for lack of space in the queue or on the disk."""
         return self._overflow + self.files.lost
 
     def pop_load(self) -> Load:
@@ -429,7 +429,7 @@ class BagWriter:
         try:
             self._record()
         except Exception as error:
-            # A failure here must not appear to be a recording.
+            # After a failure here, the recording must not seem to continue.
             self.files.failure = f"{type(error).__name__}: {error}"
             raise
 
@@ -445,7 +445,7 @@ class BagWriter:
         self.files.close()
 
     def _drain(self) -> None:
-        """Write the queue; later messages wait for the next call."""
+        """Write the messages in the queue; later messages wait for the next call."""
         queue, write, stamps = self._queue, self.files.write, self._stamps
         waiting = len(queue)
         self._highest = max(self._highest, waiting)
@@ -472,7 +472,7 @@ class BagWriter:
                 del stamps[:-1]
 
     def _forget_stamps(self) -> None:
-        """Count gaps up to here; later stamps start a new sequence."""
+        """Count gaps so far; later stamps start a new sequence."""
         self._count_missing()
         for stamps in self._stamps.values():
             stamps.clear()
@@ -483,7 +483,7 @@ RECORDING, PAUSED, STOPPED = "recording", "paused", "stopped"
 Connect = Callable[[BagWriter], MessageWriter]
 
 Answer = tuple[bool, str]
-"""Success of a request, and a message line."""
+"""Success of a request, and a one-line message."""
 
 
 class RecordingSession:
@@ -492,8 +492,8 @@ class RecordingSession:
     Parameters
     ----------
     bag : str
-        Folder to create; empty for a name from date and time. If it exists, ``-2``, ``-3`` and so
-        on is added.
+        Folder to create; empty for a name from date and time. If the folder exists, ``-2``, ``-3``
+        and so on is appended.
     capacity : int
         Maximum number of messages in the queue.
     options : RecordingOptions

@@ -3,7 +3,7 @@
 
 """Devices by name, from this package and from other packages.
 
-To add a device to this package, add a file with its class, and a line here.
+To add a device to this package, add a file with its class, and an entry here.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from haptic_accel.devices.simulated import (
 from haptic_accel.devices.sound_bench import NO_ARM, NoArm
 
 RESERVED = (AUDIO, "safety", "servo_cp", "topics")
-"""Names that no device may have: other parts of a device node, and what `ros2 bag play` plays."""
+"""Reserved names, which no device may have: other parts of a device node, and topics."""
 
 _MASTERS: dict[str, type[Device]] = {
     "simulated": SimulatedMaster,

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Actuator behind a sound card and amplifiers, in addition to the master's own device."""
+"""Actuator driven by a sound card and amplifiers, in addition to the master's own device."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ class AudioPreset(NamedTuple):
     assumed : str
         Assumptions, and their source.
     unknown : str
-        Properties that must be identified before forces are in newtons and controllers know the
-        handle.
+        Properties that must be identified before forces are in newtons and controllers have a
+        handle model.
     """
 
     device: str
@@ -83,15 +83,15 @@ AUDIO = "audio"
 MISSING_LIBRARY = "audio: needs sounddevice and PortAudio: pip install 'haptic_accel[audio]'"
 
 BLOCKS_AHEAD = 2
-"""Blocks held ready for the card: it fetches one, the other is a margin."""
+"""Number of blocks ready for the card: one is fetched, the other is a margin."""
 
 LATENCY = 3
-"""Latency requested from PortAudio, blocks: with ALSA its buffer has one block more. The latency
-depends on the filled part of that buffer."""
+"""Latency requested from PortAudio, blocks: with ALSA, PortAudio's buffer has one block more. The
+latency depends on the filled part of that buffer."""
 
 READINGS = 64
-"""Readings of a card's queue of which the shortest counts: many cards update the queue once per
-block, so that no reading is too short."""
+"""Number of readings of a card's queue of which the shortest counts. Many cards update the queue
+once per block, so readings are never too short."""
 
 ALSA, JACK = "ALSA", "JACK Audio Connection Kit"
 """PortAudio's names of host APIs."""
@@ -103,14 +103,14 @@ FIRST_BLOCK = 2.0
 """Longest time from the start of a card until its first block, s; sound servers need up to 1 s."""
 
 WATCH_PERIOD = 0.02
-"""Interval between looks at a recording, s."""
+"""Polling interval of a recording, s."""
 
 LONGEST_END = 2.0
-"""Longest time for PortAudio to close a card, s: without JACK's server it never returns."""
+"""Longest time for PortAudio to close a card, s; closing never returns without JACK's server."""
 
 PLUG_IN_CHANNELS = 32
-"""Channels from which on a device of ALSA that is no hardware is a plug-in with any number of
-them: that of PulseAudio states 32, of PipeWire 64, and PortAudio limits others to 128."""
+"""Number of channels from which on an ALSA device that is not hardware is a plug-in with any
+number of channels: PulseAudio's states 32, PipeWire's 64, and PortAudio limits others to 128."""
 
 SHARE = 0.25
 """Share of the card clock's error that is corrected after `READINGS`: at 1 kHz a drift of 1e-4
@@ -187,7 +187,7 @@ class AudioParameters(InputParameters):
 
     @property
     def assumed(self) -> AudioPreset:
-        """Values in place of those that are not given."""
+        """Preset for omitted values."""
         return PRESETS.get(self.preset, AudioPreset("", "1", 0.0, "", ""))
 
     @property
@@ -201,7 +201,7 @@ class AudioParameters(InputParameters):
         Raises
         ------
         ParameterError
-            They are no channels, or not as many as the coils.
+            The channels are invalid, or do not match the number of coils.
         """
         channels = self.channels or self.assumed.channels
         found = read_channels("audio.channels", channels)
@@ -221,7 +221,7 @@ def read_channels(name: str, text: str) -> tuple[int, ...]:
     Raises
     ------
     ParameterError
-        They are no channels, or one is given twice.
+        The channels are invalid, or one occurs twice.
     """
     words = [word.strip() for word in text.split(",")]
     found = tuple(int(word) for word in words if re.fullmatch("[1-9][0-9]{0,2}", word))
@@ -233,7 +233,7 @@ def read_channels(name: str, text: str) -> tuple[int, ...]:
 
 
 def sound_server(card: Mapping[str, Any], host: str) -> str:
-    """Return what mixes or resamples between PortAudio and a card; empty for the card itself.
+    """Return the sound server between PortAudio and a card; empty for direct access.
 
     Parameters
     ----------
@@ -256,11 +256,11 @@ class ListedCard:
     ----------
     name : str
     channels : int
-        Most output channels.
+        Maximum number of output channels.
     rate : float
         Default rate, Hz.
     server : str
-        What mixes or resamples in between; empty for the card itself.
+        Sound server that mixes or resamples; empty for direct access.
     is_default : bool
     """
 
@@ -299,7 +299,7 @@ def sound_library() -> Any:
     Raises
     ------
     DeviceError
-        It is missing, or PortAudio is.
+        The library or PortAudio is missing.
     """
     try:
         import sounddevice
@@ -311,7 +311,7 @@ def sound_library() -> Any:
 def recorded(
     name: str, seconds: float, inputs: int, played: FloatArray | None = None
 ) -> tuple[FloatArray, float]:
-    """Return what a sound card records, and its rate; its outputs may play meanwhile.
+    """Record from a sound card, optionally while playing; return samples and rate.
 
     Parameters
     ----------
@@ -322,20 +322,20 @@ def recorded(
     inputs : int
         Number of input channels from the first on.
     played : ndarray, shape (n, outputs), optional
-        Samples of the outputs from the first on, at the card's rate, full scale 1.
+        Samples of the outputs from the first on, at the card's rate, relative to full scale.
 
     Returns
     -------
     samples : ndarray, shape (m, inputs)
-        Full scale 1.
+        Samples relative to full scale.
     rate : float
         Samples per second.
 
     Raises
     ------
     DeviceError
-        There is no such card, it has fewer channels, it cannot be opened, it gives no samples, or
-        it loses some, also when it records again.
+        There is no such card, it has fewer channels, it cannot be opened, it delivers no samples,
+        or it loses samples in all attempts.
     """
     library = sound_library()
     with refusals(library, f"device = {name!r}"):
@@ -358,7 +358,7 @@ def recorded(
 
 @contextmanager
 def refusals(library: Any, name: str) -> Iterator[None]:
-    """Raise `DeviceError` in one line, with a name, where PortAudio refuses."""
+    """Convert PortAudio's errors to a one-line `DeviceError` with a name."""
     try:
         yield
     except (ValueError, library.PortAudioError) as error:
@@ -370,7 +370,7 @@ def refusals(library: Any, name: str) -> Iterator[None]:
 def started_stream(
     library: Any, index: int, channels: int | tuple[int, int], block: int, rate: float
 ) -> Any:
-    """Return a running stream of a device, with outputs, or with inputs and outputs."""
+    """Return a started stream of a device with outputs, or with inputs and outputs."""
     kind = library.OutputStream if isinstance(channels, int) else library.Stream
     given = {"channels": channels, "samplerate": rate, "blocksize": block, "dtype": "float32"}
     with refusals(library, f"sound card {library.query_devices(index)['name']} at {rate:g} Hz"):
@@ -380,7 +380,7 @@ def started_stream(
 
 
 def _recording_ended(library: Any, seconds: float) -> Any:
-    """Wait for the end of a recording of a length in s; return whether samples were lost."""
+    """Wait until a recording of a duration in s ends; return whether samples were lost."""
     end = clocks.monotonic() + seconds + FIRST_BLOCK
     while library.get_stream().active:
         if clocks.monotonic() > end:
@@ -390,25 +390,25 @@ def _recording_ended(library: Any, seconds: float) -> Any:
 
 
 def end_stream(library: Any, stream: Any) -> None:
-    """Silence and close a stream, without waiting for a server that is gone."""
+    """Silence and close a stream; do not wait for a server that has ended."""
     ending = threading.Thread(target=stream.close, daemon=True)
     ending.start()
     ending.join(LONGEST_END)
     if ending.is_alive():
-        atexit.unregister(library._exit_handler)  # which would wait for ever, too
+        atexit.unregister(library._exit_handler)  # which would also wait forever
 
 
 class SoundCard:
     """Sound card output that never blocks.
 
     Without new samples the card is silent, so a process that hangs leaves no force. All channels
-    of a card are opened, and those without a coil are zero.
+    of a card are opened; channels without a coil output zero.
 
     Parameters
     ----------
     parameters : AudioParameters
     period : float
-        Interval between two calls of `write` at the most, s.
+        Maximum interval between two calls of `write`, s.
     coils : int
         Number of coils.
 
@@ -417,20 +417,20 @@ class SoundCard:
     rate : float
         Samples per second of the card.
     channels : int
-        Channels that are opened: all of a card.
+        Number of opened channels: all channels of the card.
     block : int
-        Samples that the card fetches together: as requested, or its minimum.
+        Number of samples that the card fetches at a time: as requested, or the card's minimum.
     server : str
-        What mixes or resamples in between; empty for the card itself.
+        Sound server that mixes or resamples; empty for direct access.
     lead : float
-        Time from writing a sample to the card until it sounds, s.
+        Time from writing a sample to the card until its output, s.
     hearing : float
         Time from a sample of the card's inputs until it can be read, s; 0 without inputs.
     """
 
     is_exact = False
-    """True if `sounds` is exact; otherwise it is late by up to a block, and its shortest values
-    tell the card's clock."""
+    """True if `sounds` is exact. Otherwise its result is late by up to a block, and the shortest
+    delays show the card's clock."""
 
     def __init__(self, parameters: AudioParameters, period: float, coils: int = 1) -> None:
         self._library = sound_library()
@@ -467,8 +467,8 @@ class SoundCard:
                     "must not be on JACK, to which PortAudio 19.6 writes beyond its memory; stop"
                     " JACK, and name the card itself (hw:)"
                 )
-            # PortAudio copies the last channel to the next one that is not opened. A plug-in with
-            # any number mixes what it has too many of.
+            # PortAudio copies the last channel to the next unopened one. A plug-in with any number
+            # of channels mixes surplus ones.
             self.server = sound_server(found, host)
             any_number = host == ALSA and self.server
             self.channels = max(*self._own, min(2, most) - 1) + 1 if any_number else most
@@ -486,34 +486,34 @@ class SoundCard:
             )
 
     def _fill(self, size: int, latency: float) -> None:
-        """Derive block and lead from the card's size, samples, and its stated latency, s."""
+        """Derive block and lead from the card's block size, samples, and stated latency, s."""
         self._size = size
         self.block = max(self._parameters.block, size - round(latency * self.rate))
         self.lead = BLOCKS_AHEAD * self.block / self.rate + self._period
 
     @property
     def room(self) -> int:
-        """Samples that the card accepts without blocking."""
+        """Number of samples that the card accepts without blocking."""
         return max(0, self._free() - self.block)
 
     def sounds(self, now: float) -> float | None:
-        """Return the time at which the next written sample sounds, s; None without a clock."""
+        """Return the time at which the next written sample is output, s; None without a clock."""
         filled = self._size - self._free()
         return now + filled / self.rate if filled else None
 
     def write(self, samples: FloatArray) -> bool:
-        """Write samples, shape (n, coils), full scale 1; return whether the card underran."""
+        """Write samples relative to full scale, shape (n, coils); return True on an underrun."""
         frames = np.zeros((len(samples), self.channels), dtype=np.float32)
         frames[:, self._own] = samples
         return bool(self._asked(lambda stream: stream.write(frames)))
 
     def play(self, samples: FloatArray) -> None:
-        """Write samples as for `write` while the card fetches them.
+        """Write samples, as for `write`, at the pace at which the card fetches them.
 
         Raises
         ------
         DeviceError
-            It fetches nothing.
+            The card fetches no samples.
         """
         latest = clocks.monotonic() + FIRST_BLOCK + len(samples) / self.rate
         while len(samples):
@@ -542,9 +542,9 @@ class SoundCard:
 class AudioActuator(interface.CompositeDevice):
     """Master with its actuator on a sound card; another device provides the rest.
 
-    Each tick writes samples to the card, `SoundCard.lead` before they sound: a force known by then
-    acts when due. A simulated handle feels the force too; another device's actuator gets no force,
-    as a handle has only one actuator.
+    Each tick writes samples to the card, `SoundCard.lead` before their output, so a force known by
+    then acts when due. The force also acts on a simulated handle. Another device's actuator has no
+    force, as a handle has only one actuator.
 
     Parameters
     ----------
@@ -552,13 +552,14 @@ class AudioActuator(interface.CompositeDevice):
     rate : float
         Ticks per second.
     device : Device
-        Master that reads, and moves the arm.
+        Master device for samples and the arm.
     latency : int
-        Samples from a force's cause to the tick at which the force is due.
+        Number of samples from a force's cause to the tick at which the force is due.
     clock : callable
-        Returns the time by the clock of the ticks, s.
+        Function that returns the time on the ticks' clock, s.
     card : callable, optional
-        Returns the card for parameters, period and number of coils; default: one of its own.
+        Function that makes the card from parameters, period and number of coils; default:
+        `SoundCard`.
     """
 
     Parameters = AudioParameters
@@ -586,7 +587,7 @@ class AudioActuator(interface.CompositeDevice):
         self._clock = clock
         self._force = HeldForce(self._coils)
         self._waiting: list[tuple[float, Vector]] = []
-        self._next = math.nan  # time at which the next sample given to the card sounds
+        self._next = math.nan  # time at which the next written sample is output
         self._errors: list[float] = []
         self._counts: Counter[str] = Counter(audio_underruns=0, audio_clipped=0)
         self._late = 0
@@ -597,7 +598,7 @@ class AudioActuator(interface.CompositeDevice):
         Raises
         ------
         ParameterError
-            The block is too small for the ticks, or the latency for the block.
+            The block is too small for the tick period, or the latency is too small for the block.
         DeviceError
             The card fails to open.
         """
@@ -608,7 +609,7 @@ class AudioActuator(interface.CompositeDevice):
                 f"audio.block = {card.block}: must be at least {least}, the samples of a tick at"
                 f" the sound card's {card.rate:g} Hz"
             )
-        # A force is known one sample after its cause at the latest.
+        # A force is known at most one sample after its cause.
         least = math.ceil((card.lead + card.hearing) * self._rate) + 1
         if self._latency < least:
             raise ParameterError(
@@ -617,7 +618,7 @@ class AudioActuator(interface.CompositeDevice):
             )
 
     def read(self, time: float) -> interface.Reading:
-        """Return the device's sample, and supply the card."""
+        """Return the device's sample, and write due samples to the card."""
         reading = self._device.read(time)
         if reading is not interface.LATER:
             while self._waiting and self._waiting[0][0] <= time:
@@ -651,9 +652,9 @@ class AudioActuator(interface.CompositeDevice):
             self._device.write(time, actuator_force=force)
 
     def _supply(self) -> None:
-        """Give the card the samples that sound within its lead."""
+        """Write the samples that are output within the card's lead."""
         now, card = self._clock(), self._card
-        dry = now > self._next  # the samples to sound since then were missing
+        dry = now > self._next  # samples due since then were missing
         if not now <= self._next:
             self._next = now
             self._errors.clear()
@@ -662,7 +663,7 @@ class AudioActuator(interface.CompositeDevice):
         count = min(card.room, int((now + card.lead - self._next) * card.rate))
         if count > 0:
             samples = self._force.means(self._next, card.rate, count) / self._full_scale
-            # All coils together, so that a force keeps its direction.
+            # Scale all coils together, so that a force keeps its direction.
             largest = np.maximum(np.abs(samples).max(axis=1, keepdims=True), 1.0)
             self._counts["audio_clipped"] += int(np.count_nonzero(largest > 1.0))
             dry |= card.write(samples / largest)
@@ -688,7 +689,7 @@ class AudioActuator(interface.CompositeDevice):
 
     @property
     def remark(self) -> str:
-        """Remark of the device; card, block, lead, calibration, and what is in between."""
+        """Remark of the device, with card, block, lead, calibration and sound server."""
         card, p = self._card, self._parameters
         channels = ", ".join(map(str, p.channels_of(self._coils)))
         own = (
@@ -703,7 +704,7 @@ class AudioActuator(interface.CompositeDevice):
 
     @property
     def late(self) -> int:
-        """Number of forces that came after the card had their samples."""
+        """Number of forces that arrived after their samples had been written to the card."""
         return self._late
 
     @property
@@ -720,7 +721,7 @@ class HeldForce:
     """Forces of coils with due times, each held until the next force is due.
 
     Each output sample is the mean force over its period. A step between two samples thus keeps its
-    time to a fraction of a sample, and the impulse.
+    impulse, and its time to a fraction of a sample.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Connection that a separate thread reads, and restores after a loss."""
+"""Connection to hardware with a separate thread that reads, and reconnects after a loss."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ JOIN_TIMEOUT = 5.0
 """Longest time for a driver to return from connecting or reading, s."""
 
 AUTO, MANUAL = "auto", "manual"
-"""Values of the parameter `rearm`: who allows forces after a connection was lost."""
+"""Values of the parameter `rearm`: forces after a lost connection are allowed automatically or by
+a user."""
 
 
 class Connection(ABC):
@@ -30,7 +31,7 @@ class Connection(ABC):
     Attributes
     ----------
     connected : bool
-        True while there is a connection, from `_connect` until `_disconnect`.
+        True from a successful `_connect` until `_disconnect`.
     problem : str
         Reason for a missing connection, in one line; empty while connected.
     losses, reconnects : int
@@ -63,7 +64,7 @@ class Connection(ABC):
         self._thread.start()
 
     def close(self) -> None:
-        """Leave the hardware without force; allowed even if never opened."""
+        """Leave the hardware without force; may be called even if never opened."""
         self._closing.set()
         if self._thread is not None:
             self._thread.join(JOIN_TIMEOUT)
@@ -86,7 +87,7 @@ class Connection(ABC):
 
     @abstractmethod
     def _disconnect(self) -> None:
-        """Close what `_connect` opened, even in part."""
+        """Close a connection, even if `_connect` only succeeded in part."""
 
     def _run(self) -> None:
         while not self._closing.is_set():
@@ -109,7 +110,7 @@ def explained(error: BaseException, reasons: Mapping[int, str]) -> str:
     Parameters
     ----------
     error : BaseException
-        Searched together with its causes.
+        Error whose causes are searched as well.
     reasons : mapping
         Explanations by number, as in the module `errno`.
     """

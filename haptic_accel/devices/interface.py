@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Interface of all devices: parameters, open, read, write, close; devices of two parts."""
+"""Interface of all devices: parameters, open, read, write, close; composite devices."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ D = TypeVar("D", bound="Device")
 
 
 class Joints(NamedTuple):
-    """State of an arm's joints: rad, rad/s and N m; m, m/s and N if prismatic."""
+    """State of an arm's joints in rad, rad/s and N m, or in m, m/s and N if prismatic."""
 
     names: Sequence[str]
     positions: Sequence[float]
@@ -71,20 +71,20 @@ class DeviceDescription:
     Attributes
     ----------
     parameters_of : tuple of str
-        Names of the devices whose parameters replace the class' own, in the order of the
+        Names of the devices whose parameters replace those of the class, in the order of the
         constructor's arguments.
     changeable : tuple of str
-        Dotted names of the parameters that `Device.change` accepts, the class' own or the first's
-        in `parameters_of`.
+        Dotted names of the parameters that `Device.change` accepts, of the class or of the first
+        device in `parameters_of`.
     ahead : bool
-        `Device.write` accepts an actuator force ahead of its due time; the device applies the
-        force on time by its clock.
+        True if `Device.write` accepts an actuator force ahead of its due time, which the device
+        applies on time by its clock.
     framed : bool
-        `Device.write` accepts all forces ahead of their due time; the device applies them at that
-        time on the clock of `Device.read`. Samples of several ticks can therefore be read
+        True if `Device.write` accepts all forces ahead of their due time, and the device applies
+        them at that time on the clock of `Device.read`. Samples of several ticks can then be read
         together.
     pointed : bool
-        `Device.point` leads a simulated hand.
+        True if `Device.point` moves a simulated hand.
     """
 
     parameters_of: tuple[str, ...] = ()
@@ -94,11 +94,11 @@ class DeviceDescription:
     pointed: bool = False
 
     def owners(self, name: str) -> tuple[str, ...]:
-        """Return the names of the devices whose parameters a named device has."""
+        """Return the names of the devices whose parameters a device uses."""
         return self.parameters_of or (name,)
 
     def changeable_of(self, name: str) -> frozenset[str]:
-        """Return the parameters of a named device that change in operation, below their owner."""
+        """Return the parameters of a device that may change in operation, by name with owner."""
         return frozenset(f"{self.owners(name)[0]}.{field}" for field in self.changeable)
 
 
@@ -129,8 +129,8 @@ class Device(ABC):
     """Axes along which the device measures vibration and drives an actuator."""
 
     parts: Sequence[Device] = ()
-    """Component devices, the arm first; this device has their joints, remarks, warnings and
-    problems, and arms all of them."""
+    """Component devices, the arm first; their joints, remarks, warnings and problems are those of
+    this device, which arms all of them."""
 
     @abstractmethod
     def __init__(self, parameters: Any, rate: float, seed: int) -> None: ...
@@ -139,7 +139,7 @@ class Device(ABC):
     def from_options(
         cls: type[D], name: str, options: Mapping[str, Any], rate: float, seed: int
     ) -> D:
-        """Build a named device with its part of all devices' parameters.
+        """Build a device by name, with its parameters from those of all devices.
 
         Parameters
         ----------
@@ -152,7 +152,7 @@ class Device(ABC):
         Raises
         ------
         DeviceError
-            Its library is missing, or it is another package's and cannot be built.
+            A library is missing, or a device of another package cannot be built.
         """
         own = [options[each] for each in cls.description.owners(name)]
         try:
@@ -175,8 +175,8 @@ class Device(ABC):
     def read(self, time: float) -> Reading:
         """Return the sample of a tick.
 
-        Called for each tick of the sampling grid in order, again after `LATER`. A delayed caller
-        also requests the ticks that have passed; a caller that stops waiting continues with the
+        The method is called for each tick of the sampling grid in order, and again after `LATER`.
+        A delayed caller also requests past ticks; a caller that stops waiting continues with the
         next tick.
 
         Parameters
@@ -187,8 +187,8 @@ class Device(ABC):
         Returns
         -------
         Sample, LATER or None
-            `LATER` while the sample may still come; None if the device is unplugged, or the sample
-            is lost or too old to be kept.
+            `LATER` while the sample may still arrive; None if the device is unplugged, or the
+            sample is lost or too old to be kept.
 
         Raises
         ------
@@ -200,14 +200,14 @@ class Device(ABC):
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
-        """Apply forces; a force that is not given remains.
+        """Apply forces; an omitted force remains unchanged.
 
         Parameters
         ----------
         time : float
-            Due time of the forces: the last tick read, or now for later forces. If described as
-            `ahead`: future due time of the actuator's force; an overdue force acts at once, and
-            discards forces that are not due yet.
+            Due time of the forces: the last tick read, or now for later forces. With `ahead`: due
+            time of the actuator's force, which may be in the future; an overdue force acts at
+            once, and discards forces that are not due yet.
         arm_force : tuple of float, optional
             Force of the arm's motors in its base frame, N.
         actuator_force : tuple of float, optional
@@ -237,7 +237,7 @@ class Device(ABC):
         self.parts[0].change(parameters)
 
     def point(self, position: Vector) -> None:
-        """Lead the simulated hand to a position in the arm's base frame, m."""
+        """Move the simulated hand to a position in the arm's base frame, m."""
         if not self.parts:
             raise NotImplementedError(f"{type(self).__name__} has no hand to lead")
         self.parts[0].point(position)
@@ -260,7 +260,7 @@ class Device(ABC):
         """Leave the device with zero force, even if never opened."""
 
     def joints(self, sample: Sample, force: Vector) -> Joints:
-        """Return the joints at the last sample and force: by default, along x, y and z.
+        """Return the joints at the last sample and force; default: prismatic joints along x, y, z.
 
         Parameters
         ----------
@@ -284,7 +284,7 @@ class Device(ABC):
 
     @property
     def hang_warning(self) -> str:
-        """Warning that a force may persist if this process hangs; empty if none can."""
+        """Warning that a force may persist if this process hangs; empty if it cannot."""
         return _joined(part.hang_warning for part in self.parts)
 
     @property
@@ -301,7 +301,7 @@ class Device(ABC):
     def late(self) -> int:
         """Number of forces that the device applied after their due time, since opening.
 
-        Forces that were given to `write` after their due time do not count.
+        Forces passed to `write` after their due time do not count.
         """
         return sum(part.late for part in self.parts)
 
@@ -309,7 +309,7 @@ class Device(ABC):
     def interruptions(self) -> int:
         """Number of times that samples or forces were lost, or their clock stepped, since opening.
 
-        Around each, samples and forces do not belong together.
+        Near each interruption, samples do not correspond to forces.
         """
         return sum(part.interruptions for part in self.parts)
 
@@ -324,13 +324,13 @@ def _joined(lines: Iterable[str]) -> str:
 
 
 class CompositeDevice(Device):
-    """Device with `parts`, which are opened and closed with it: all or none.
+    """Device with `parts`; opening succeeds for all of them or for none.
 
-    A subclass has what is no part in `_open_own` and `_close_own`.
+    A subclass opens and closes everything else in `_open_own` and `_close_own`.
     """
 
     def open(self) -> None:
-        """Open the parts in order, then the rest; or leave all closed."""
+        """Open the parts in order, then everything else; on failure, close all."""
         with ExitStack() as opened:
             opened.callback(self.close)
             for part in self.parts:
@@ -345,28 +345,28 @@ class CompositeDevice(Device):
         self.parts[0].write(time, arm_force=arm_force, actuator_force=actuator_force)
 
     def close(self) -> None:
-        """Leave the rest, then the parts, without force, even if any fails."""
+        """Close everything else, then the parts, without force, even if any of them fails."""
         with ExitStack() as closing:
             for part in self.parts:
                 closing.callback(part.close)
             closing.callback(self._close_own)
 
     def _open_own(self) -> None:
-        """Open what is no part."""
+        """Open everything except the parts."""
 
     def _close_own(self) -> None:
-        """Close what is no part, even if never opened."""
+        """Close everything except the parts, even if never opened."""
 
 
 class CombinedDevice(CompositeDevice):
     """Arm that measures position and velocity, with a handle or tool for acceleration.
 
-    A subclass names both classes.
+    A subclass specifies both classes.
 
     Parameters
     ----------
     arm, handle
-        Parameters of both.
+        Parameters of arm and handle.
     rate : float
     seed : int
     """
@@ -385,7 +385,7 @@ class CombinedDevice(CompositeDevice):
         motion = self._arm.read(time)
         if motion is LATER:
             return LATER
-        # Read after the arm, as a handle gives each sample once.
+        # Read the handle after the arm, as a handle returns each sample only once.
         vibration = self._handle.read(time)
         if vibration is LATER:
             return LATER
@@ -403,7 +403,7 @@ class CombinedDevice(CompositeDevice):
             self._arm.write(time, arm_force=arm_force)
 
     def counters(self) -> dict[str, int]:
-        """Return the counts of both, with the part as prefix."""
+        """Return the counts of arm and handle, with the part's name as prefix."""
         return {
             f"{part}_{name}": count
             for part, device in zip(("arm", "handle"), self.parts, strict=True)
@@ -412,7 +412,7 @@ class CombinedDevice(CompositeDevice):
 
 
 class CombinedTool(CombinedDevice):
-    """Arm with a tool, whose acceleration is turned to the axes of the arm's base."""
+    """Arm with a tool, whose acceleration is rotated to the axes of the arm's base."""
 
     def read(self, time: float) -> Reading:
         """Return the arm's motion and the tool's acceleration in the axes of the arm's base."""
@@ -428,9 +428,9 @@ def combined(
     handle: str,
     kind: type[CombinedDevice] = CombinedDevice,
 ) -> type[CombinedDevice]:
-    """Return a device class with one device's arm, and another's handle or tool.
+    """Return a device class with the arm of one device, and the handle or tool of another.
 
-    The class has both devices' parameters.
+    The class has the parameters of both devices.
 
     Parameters
     ----------

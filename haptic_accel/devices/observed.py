@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A device that is sampled and driven without a graph, behind the graph's safety layer."""
+"""Sampling and driving of a device without a graph, with the graph's safety layer."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ KEPT = 20.0
 """Duration of the kept samples, s."""
 
 LOOKS = 4
-"""Looks for samples in a period."""
+"""Number of polls for samples in a period."""
 
 ATTEMPTS = 3
 """Number of measurements after which a device that is interrupted in each is refused."""
 
 CATCH_UP = 0.1
-"""Longest time without a tick whose samples are asked for afterwards, s."""
+"""Longest pause whose missed ticks are still sampled, s."""
 
 Force = Callable[[float], float]
 """Function from a time, s, to the actuator's force, N."""
@@ -64,19 +64,19 @@ class Observation:
 
 
 class ObservedDevice:
-    """Device sampled by a thread on the machine's grid, like a device node's.
+    """Device sampled by a thread on the machine's grid, as by a device node.
 
     Parameters
     ----------
     device : Device
     safety : SafetyParameters
-        Limits of its forces.
+        Limits of the device's forces.
     rate : float
         Ticks per second, Hz.
     latency : int
         Ticks from a sample to the force that it causes.
     prepare : callable
-        Called first in the thread, to ask for a real-time priority.
+        Function called first in the thread, to request a real-time priority.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class ObservedDevice:
         self.failure = ""
 
     def __enter__(self) -> ObservedDevice:
-        """Open the device, and begin to sample it.
+        """Open the device, and start sampling.
 
         Raises
         ------
@@ -147,9 +147,9 @@ class ObservedDevice:
         self._force = force
 
     def stop(self) -> None:
-        """Stop as an emergency stop does: no force is accepted any more.
+        """Stop like an emergency stop: reject all further forces.
 
-        The arm has had no force, so that nothing changes for it.
+        The arm has no force and is not affected.
         """
         with self._lock:
             self._safety.stop(time.monotonic(), True)
@@ -164,7 +164,7 @@ class ObservedDevice:
             self._device.arm()
 
     def last(self, seconds: float) -> Observation:
-        """Return the samples of the last seconds; the newest ticks may still be on their way."""
+        """Return the samples of the last seconds; the newest samples may not have arrived yet."""
         count = round(seconds * self._rate)
         newest = self._tick - math.ceil(CATCH_UP * self._rate)
         return self._between(newest - count, newest)
@@ -172,12 +172,12 @@ class ObservedDevice:
     def observe(self, seconds: float) -> Observation:
         """Return the samples of the next seconds, after they have passed.
 
-        They are measured again where the device was interrupted.
+        The measurement is repeated if the device was interrupted.
 
         Raises
         ------
         DeviceError
-            It was, each of `ATTEMPTS` times.
+            The device was interrupted in each of `ATTEMPTS` measurements.
         """
         for _ in range(ATTEMPTS):
             begun, before = self._tick, self._device.interruptions
@@ -224,7 +224,7 @@ class ObservedDevice:
             self._take()
 
     def _take(self) -> None:
-        """Store the samples that have come, and answer each with a force."""
+        """Store the samples that have arrived, and answer each with a force."""
         self._side.read()
         for sample in self._side.samples:
             tick = sample.tick

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Devices that play a recording in place of an arm: a bag, or a CSV or WAV file."""
+"""Devices that play a recording instead of an arm: a bag, or a CSV or WAV file."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class NothingRecordedError(ParameterError):
 
 @dataclass(frozen=True)
 class ReplayParameters(Checked):
-    """Recording to play, and way to play it."""
+    """Recording to play, and playback options."""
 
     file: str = parameter("", "folder or file of a bag, or CSV or WAV file of an acceleration")
     rate: float = like(RecordingParameters, "rate")
@@ -65,7 +65,7 @@ class ReplayDevice(SimulatedDevice):
     The arm waits at its first position until its first force. A missing sample repeats the
     previous sample, and is counted. A bag of another rate is resampled to the graph's rate. A
     recording that is not looped ends with a third of a second at rest, for the actuator to come to
-    rest; then the device has ended.
+    rest, after which the device has ended.
     """
 
     Parameters = ReplayParameters
@@ -122,7 +122,7 @@ def read_track(parameters: ReplayParameters, arm: ArmTopics, rate: float) -> tra
     Raises
     ------
     ParameterError
-        There is no file, or it cannot be used.
+        There is no file, or the file cannot be used.
     """
     if not parameters.file:
         raise ParameterError("replay.file = '': must be a bag, or a CSV or WAV file")
@@ -149,7 +149,7 @@ def bag_track(bag: Bag, arm: ArmTopics) -> track.Track:
     Raises
     ------
     ParameterError
-        It has no acceleration of the arm, or its rate cannot be determined.
+        The bag has no acceleration of the arm, or its rate cannot be determined.
     """
     rate = bag_rate(bag, arm)
     acceleration = _stamped(bag, arm.acceleration)
@@ -165,7 +165,7 @@ def bag_rate(bag: Bag, arm: ArmTopics = SLAVE) -> float:
     Raises
     ------
     ParameterError
-        It has no acceleration of the arm, or stamps that do not advance.
+        The bag has no acceleration of the arm, or its stamps do not advance.
     """
     acceleration = _stamped(bag, arm.acceleration)
     if acceleration is None:
@@ -181,7 +181,7 @@ def start_offset(bag: Bag, start: float) -> float:
 
 
 def _coupled(bag: Bag) -> int:
-    """Return the first stamp at which both arms have samples and are coupled, if any."""
+    """Return the first stamp with samples of both arms and, if any, with coupled arms."""
     found = (_stamped(bag, arm.acceleration) for arm in (MASTER, SLAVE))
     firsts = [int(acceleration[0][0]) for acceleration in found if acceleration]
     for arm in (SLAVE, MASTER):

@@ -1,11 +1,11 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names of rclpy that its documentation does not promise; imports ROS, so import it late.
+"""Undocumented names of rclpy; imports ROS, so import this module late.
 
-They are quicker than the documented ways, or wake no thread; no other module uses any. A name is
-looked up once, when a node, publisher, subscription or service is made. Without it, the documented
-way is used.
+Undocumented names are faster than documented ones, or wake no thread. No other module uses them. A
+name is looked up once, when a node, publisher, subscription or service is made. If the name does
+not exist, the documented way is used.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from haptic_accel.core.sequence_check import Matched
 
 
 def _named(name: str, *modules: str) -> Any:
-    """Return a name of the first of rclpy's modules that has it; None without one."""
+    """Return an attribute of the first of rclpy's modules that has it; None without one."""
     for module in modules:
         with suppress(ImportError, AttributeError):
             return getattr(import_module(f"rclpy.{module}"), name)
@@ -40,27 +40,27 @@ def _named(name: str, *modules: str) -> Any:
 
 
 def _direct(entity: Any, name: str, documented: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a method of the C library's object behind an entity, or the documented one."""
+    """Return a method of the C library's object of an entity, or the documented method."""
     return getattr(getattr(entity, "handle", None), name, documented)
 
 
 _LIBRARY = _named("rclpy_implementation", "impl.implementation_singleton")
 
 EventsExecutor = _named("EventsExecutor", "executors", "experimental")
-"""Executor of the nodes, in `executors` from Lyrical on."""
+"""Executor of the nodes; in the module `executors` from Lyrical on."""
 
 TAKES = all(
     hasattr(getattr(_LIBRARY, kind, None), name)
     for kind, name in (("Subscription", "take_message"), ("Service", "service_take_request"))
 )
-"""True if messages and requests can be taken without an executor; if not, one must serve them."""
+"""True if messages and requests can be taken without an executor."""
 
 Taken = tuple[Any, dict[str, Any]]
-"""Message and its information."""
+"""Message and its metadata."""
 
 
 def bytes_publisher(publisher: Publisher) -> Callable[[bytes], object]:
-    """Return `publish` for serialised messages, without its check of types."""
+    """Return `publish` for serialised messages, without type checks."""
     return _direct(publisher, "publish_raw", publisher.publish)
 
 
@@ -83,7 +83,8 @@ def message_taker(
     ----------
     subscription : Subscription
     serve : callable
-        Serves the subscription where an executor must (`TAKES`) and the node has none.
+        Function that serves the subscription if an executor is required (`TAKES`) and the node has
+        none.
     """
     if TAKES:
         take = subscription.handle.take_message
@@ -91,7 +92,7 @@ def message_taker(
     waiting: deque[Taken] = deque(maxlen=subscription.qos_profile.depth)
 
     def receive(message: Any) -> None:
-        # Jazzy's executor fails for a callback that gets the information.
+        # Jazzy's executor fails for a callback with the metadata as an argument.
         facts = {"received_timestamp": time.time_ns(), "publication_sequence_number": None}
         waiting.append((message, facts))
 
@@ -104,7 +105,7 @@ def message_taker(
 
 
 def server(node: Node) -> Callable[[], object]:
-    """Return a function that serves a node without executor, if it must be served (`TAKES`)."""
+    """Return a function that serves a node without executor, if required (`TAKES`)."""
     if TAKES:
         return int
     executor = EventsExecutor(context=node.context)
@@ -113,14 +114,14 @@ def server(node: Node) -> Callable[[], object]:
 
 
 def request_taker(service: Service) -> Callable[[], tuple[Any, Any]]:
-    """Return a function that takes the next request and its header; None for each if none waits.
+    """Return a function that takes the next request and header; both None if none is waiting.
 
-    The response may be sent later, by the `send_response` that the service has before this call.
+    The response may be sent later, by the service's `send_response` from before this call.
     """
     if TAKES:
         return partial(service.handle.service_take_request, service.srv_type.Request)
     waiting: deque[tuple[Any, Any]] = deque()
-    # An executor passes what the callback returns on to `send_response`, with the header.
+    # An executor passes the callback's result to `send_response`, with the header.
     service.callback = lambda request, response: request
     service.send_response = lambda request, header: waiting.append((request, header))
     return lambda: waiting.popleft() if waiting else (None, None)
@@ -131,9 +132,9 @@ _READY = SimpleNamespace(is_ready=lambda kind, index: True)
 
 
 class MatchedPublishers(EventHandler):  # type: ignore[misc]  # rclpy leaves it untyped
-    """Event of a subscription, from which counts can be taken without an executor.
+    """Event of a subscription that provides counts of publishers without an executor.
 
-    Node and subscription own it: it ends with the subscription.
+    Node and subscription own the event, which ends with the subscription.
 
     Parameters
     ----------
@@ -143,7 +144,7 @@ class MatchedPublishers(EventHandler):  # type: ignore[misc]  # rclpy leaves it 
     Attributes
     ----------
     counts : callable
-        Returns the present and the total number of publishers, or None; a call takes 0.5 us.
+        Function that returns the present and the total number of publishers, or None, in 0.5 us.
     """
 
     counts: Callable[[], Matched | None]
@@ -170,13 +171,13 @@ class MatchedPublishers(EventHandler):  # type: ignore[misc]  # rclpy leaves it 
 
 
 def lifecycle_callbacks(node: Any, services: Iterable[str]) -> dict[str, Callable[..., Any]]:
-    """Return the callbacks of a managed node's services by name; empty without one of them."""
+    """Return the callbacks of a managed node's services by name; empty if any is missing."""
     found = {name: getattr(node, f"_LifecycleNodeMixin__on_{name}", None) for name in services}
     return {name: each for name, each in found.items() if each} if all(found.values()) else {}
 
 
 def state_machine(node: Any) -> Any:
-    """Return the state machine of a managed node, for which there is no documented way."""
+    """Return the state machine of a managed node, which has no documented access."""
     return node._state_machine
 
 
@@ -186,7 +187,7 @@ _RclpyLogger: Any = type(rclpy.logging.get_logger("rclpy"))
 
 
 class NodeLogger(_RclpyLogger):  # type: ignore[misc]
-    """Logger that finds a line's caller from the stack alone, and escapes control characters.
+    """Logger that determines the caller from the stack only, and escapes control characters.
 
     rclpy's logger uses `inspect`, which resolves the paths of all loaded modules at the first
     line, 25 to 120 ms, and reads each caller's source file. rclpy's filters (``once``) are
@@ -198,7 +199,7 @@ class NodeLogger(_RclpyLogger):  # type: ignore[misc]
         if not self.is_enabled_for(severity):
             return False
         text = printable(message)
-        if not _log:  # a new logger each time: one refuses to change the severity of a line
+        if not _log:  # a new logger: one refuses a line with another severity
             return bool(rclpy.logging.get_logger(self.name).log(text, severity))
         frame: Any = sys._getframe(1)
         while frame.f_globals["__name__"] == _RclpyLogger.__module__:
@@ -209,6 +210,6 @@ class NodeLogger(_RclpyLogger):  # type: ignore[misc]
 
 
 def prepare_logging() -> None:
-    """Resolve the paths of all modules now, and not at the first line that rclpy itself logs."""
+    """Resolve the paths of all modules now instead of at the first line that rclpy logs."""
     if caller := _named("CallerId", "impl.rcutils_logger"):
         caller()

@@ -26,9 +26,9 @@ from haptic_accel.materials.texture_files import read_texture
 
 
 class SimulatedDevice(Rig, Device):
-    """One side of the virtual rig, which is always there.
+    """One side of the virtual rig, which is always available.
 
-    Forces may be written before the samples that precede them are read.
+    Forces may be written before earlier samples are read.
     """
 
     description = DeviceDescription(framed=True)
@@ -86,7 +86,7 @@ class PointerMaster(SimulatedMaster):
         super().__init__(parameters, rate, seed, self._hand)
 
     def point(self, position: Vector) -> None:
-        """Lead the hand along x and z, within its workspace."""
+        """Move the hand along x and z, within its workspace."""
         self._hand.point(position[0], position[2])
 
 
@@ -132,12 +132,12 @@ class SimulatedSlave(SimulatedDevice):
         self._play(slave_rig.SlaveRig(parameters, rate, seed, recording, texture=texture))
 
     def change(self, parameters: SimulatedSlaveParameters) -> None:
-        """Put another surface under the tip.
+        """Change the surface under the tip.
 
         Raises
         ------
         ParameterError
-            A recording is played in place of the surface's texture, or there is no such texture.
+            A recording replaces the surface's texture, or there is no such texture.
         """
         if parameters.recording.file:
             raise ParameterError("surface: cannot be changed while a recording is played")
@@ -152,7 +152,7 @@ def textured(
     Raises
     ------
     ParameterError
-        The texture is missing, or its file is wrong.
+        The texture is missing, or its file is invalid.
     """
     if not surface.texture:
         return None
@@ -184,7 +184,7 @@ def played(
 
 
 TOO_LONG = "takes longer than a running graph can wait: must be named at its start"
-"""Reason to refuse, for a running tool, a moving scene or a mesh without a grid."""
+"""Reason why a running tool refuses a moving scene, or a mesh without a grid."""
 
 
 @dataclass(frozen=True)
@@ -208,12 +208,12 @@ class VirtualSlave(SimulatedDevice):
         self.axes = Axes.parsed(parameters.tool.axes)
 
     def change(self, parameters: VirtualSlaveParameters) -> None:
-        """Put another scene under the tool.
+        """Change the scene under the tool.
 
         Raises
         ------
         ParameterError
-            The scene's file is not usable, or checking it would block the device.
+            The scene's file is not usable, or loading it would block the device.
         """
         with without_bounded_work(TOO_LONG):
             self._rig.change_scene(read_scene(Path(parameters.scene)))

@@ -1,13 +1,13 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A sound card as the whole bench: accelerometers on its inputs, coils on its outputs.
+"""Sound card as the complete bench: accelerometers on inputs, coils on outputs.
 
-Both directions are one stream, so that the card has one clock. It is followed by the machine's:
-each tick has the acceleration at its time, behind a low-pass of order one, which is that of the
-identified plant's sensor. Forces sound at their due time by the same clock. The way from an output
-through coil, handle and sensor to an input is measured at the start, as no driver states it
-reliably.
+Inputs and outputs are one stream with one clock, whose time is converted to the machine's clock.
+Each tick gets the acceleration at its time after a first-order low-pass, which is that of the
+identified plant's sensor. Forces are output at their due time on the same clock. The delay from an
+output through coil, handle and sensor to an input is measured at the start, as no driver reports
+it reliably.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ from haptic_accel.devices.interface import (
 )
 
 NO_ARM = "none"
-"""Name of the arm that is not there."""
+"""Name of the device without an arm."""
 
 OFFSET_SHARE, DRIFT_SHARE = 0.25, 0.01
 """Shares of the card clock's error by which its offset and its rate are corrected after
 `READINGS`."""
 
 STEP, FAR = 0.4e-3, 5e-3
-"""Errors of the card's clock, s, from which on samples were lost: the shortest of `READINGS`, a
-third of a block of 64 samples, and a single one, at which nothing else is known."""
+"""Errors of the card's clock, s, that indicate lost samples: of the shortest of `READINGS` (a
+third of a block of 64 samples), and of a single reading, if there are no others."""
 
 KEPT = 1.0
 """Time for which the card's samples are kept, s."""
 
 AC_FLOOR = 0.3
-"""Corner that remains of an AC coupling which is undone, Hz."""
+"""Remaining corner frequency of a compensated AC coupling, Hz."""
 
 WAITED = 0.05
 """Time for which filtered samples are kept, s: longer than a tick waits for its sample."""
@@ -61,30 +61,30 @@ LOST = 0.1
 """Time without a block after which the card counts as unplugged, s."""
 
 SOFT, SOUNDED = 0.02, 0.4
-"""Amplitude of the noise that measures the round trip, relative to full scale, and its length, s:
-0.1 N for a coil of 5 N."""
+"""Amplitude of the noise that measures the round trip, relative to full scale (0.1 N for a coil of
+5 N), and duration, s."""
 
 EMPTYING = 10
-"""Blocks after which a card has played the silence that it was started with: PortAudio fills its
-buffer of four."""
+"""Number of blocks after which a card has played the initial silence: PortAudio fills its buffer
+of four blocks."""
 
 LONGEST_TRIP = 0.1
-"""Longest round trip that is looked for, s."""
+"""Longest round trip in the search, s."""
 
 SPARED = 1
-"""Samples by which the round trip is taken shorter than found, so that what remains for the
-plant's delay is not negative."""
+"""Number of samples subtracted from the measured round trip, so that the remaining delay of the
+plant is not negative."""
 
 LEAST_LIKENESS = 0.1
-"""Smallest correlation of that noise and its answer."""
+"""Minimum correlation of the noise and the response."""
 
 JACK_CHANNELS = 2
-"""Number of outputs, and largest of inputs, with which PortAudio 19.6 keeps to its memory on JACK.
+"""Maximum number of channels on JACK; PortAudio 19.6 overruns its memory with more.
 """
 
 
 class CardClock:
-    """Time of a card's samples by the machine's clock, from the shortest of late readings.
+    """Estimate of the times of a card's samples on the machine's clock, from delayed readings.
 
     Parameters
     ----------
@@ -118,11 +118,11 @@ class CardClock:
         return self._origin + (index - self._index) * self._period * (1 + self.drift)
 
     def index(self, time: float) -> float:
-        """Return the sample, with its fraction, that is received at a time in s."""
+        """Return the fractional index of the sample that is received at a time in s."""
         return self._index + (time - self._origin) / (self._period * (1 + self.drift))
 
     def observe(self, count: int, now: float) -> None:
-        """Take into account that a number of samples has been received by now, s."""
+        """Update the estimate by the number of samples received up to now, s."""
         error = now - self.time(count)
         if not abs(error) < FAR:
             self.jumps += not math.isnan(error)
@@ -142,7 +142,7 @@ class CardClock:
 
 
 class DuplexCard:
-    """Running stream of a sound card with all its inputs and outputs, for both devices.
+    """Running stream of a sound card with all inputs and outputs, shared by both devices.
 
     Parameters
     ----------
@@ -164,10 +164,10 @@ class DuplexCard:
     overruns : int
         Number of times that samples were lost before they were read.
     users : int
-        Devices that use it.
+        Number of devices that use the card.
     is_played : bool
-        True if a device supplies the output; otherwise it gets silence, as a card whose output ran
-        dry may stop its inputs, too.
+        True if a device supplies the output; otherwise silence is written, as a card may also stop
+        its inputs after an underrun.
     tools : list of CardAccelerometer
         Open accelerometers of the tool.
     """
@@ -197,15 +197,15 @@ class DuplexCard:
         self._buffer = np.zeros((2 * self._most, self.inputs), dtype=np.float32)
         self._filled = 0
         self._newest = math.nan
-        self._lag = 0  # samples played less those received, both at the end of a block
+        self._lag = 0  # samples played minus received, at the end of a block
 
     def receive(self, now: float) -> None:
-        """Read what has come by now, s.
+        """Read the samples that have arrived by now, s.
 
         Raises
         ------
         DeviceError
-            The card has given nothing for `LOST`, or for `FIRST_BLOCK` since its start.
+            The card has delivered no samples for `LOST`, or for `FIRST_BLOCK` after its start.
         """
         with audio.refusals(self._library, f"sound card {self.name}"):
             count = self.stream.read_available
@@ -227,7 +227,7 @@ class DuplexCard:
         self.clock.observe(self.received, now)
 
     def around(self, first: int, count: int) -> FloatArray | None:
-        """Return samples from an index on, shape (count, inputs); None if they are gone."""
+        """Return samples from an index on, shape (count, inputs); None if no longer stored."""
         begin = first - (self.received - self._filled)
         return self._buffer[begin : begin + count] if begin >= 0 else None
 
@@ -240,14 +240,14 @@ class DuplexCard:
         self._filled += len(data)
 
     def played(self, written: int, size: int) -> int:
-        """Return how many of the written samples have been fetched, less those received by then.
+        """Return the number of samples fetched by the card, minus samples received by then.
 
         Parameters
         ----------
         written : int
             Samples written so far.
         size : int
-            Samples that the output holds.
+            Capacity of the output buffer, samples.
         """
         before = self.stream.read_available
         filled = size - self.stream.write_available
@@ -256,18 +256,18 @@ class DuplexCard:
         return self._lag
 
     def take_answer(self, noise: FloatArray, answer: FloatArray, heard: float) -> None:
-        """Keep all inputs' answer to a noise, and the handle's, m/s^2; check the tool's.
+        """Store the response of all inputs, and of the handle, m/s^2, to noise; check the tool.
 
         Raises
         ------
         DeviceError
-            The tool's accelerometer hears the handle.
+            The tool's accelerometer measures the handle's vibration.
         """
         self._sounded = noise, answer, heard
         self.check_tools()
 
     def check_tools(self) -> None:
-        """Refuse an accelerometer of the tool that answers the coil, once it has sounded."""
+        """Refuse a tool accelerometer that responds to the coil, once noise was played."""
         if self._sounded is None:
             return
         noise, answer, heard = self._sounded
@@ -281,12 +281,12 @@ class DuplexCard:
                 )
 
     def close(self) -> None:
-        """Stop, silent."""
+        """Silence and stop the stream."""
         audio.end_stream(self._library, self.stream)
 
 
 _CARDS: dict[int, DuplexCard] = {}
-"""Cards that run in this process, by their number: both arms' devices share one."""
+"""Running cards of this process by index; the devices of both arms share a card."""
 
 
 def _acquired(library: Any, name: str, block: int, rate: float) -> DuplexCard:
@@ -315,14 +315,14 @@ def _release(card: DuplexCard) -> None:
 
 
 class BenchOutput(audio.SoundCard):
-    """Outputs of a card whose inputs have the handle's accelerometer.
+    """Outputs of a card with the handle's accelerometer on its inputs.
 
     Parameters
     ----------
     parameters, period, coils
-        As for `SoundCard`.
+        See `SoundCard`.
     sensor : CardAccelerometer
-        The handle's, open.
+        Open accelerometer of the handle.
     """
 
     is_exact = True
@@ -346,7 +346,7 @@ class BenchOutput(audio.SoundCard):
         ParameterError
             The card has no such channel.
         DeviceError
-            It cannot be opened, or the handle's accelerometer does not answer the coil.
+            The card cannot be opened, or the handle's accelerometer does not respond to the coil.
         """
         assert self._sensor.card
         self._duplex = card = self._sensor.card
@@ -361,14 +361,14 @@ class BenchOutput(audio.SoundCard):
         self.lead += self._trip / self.rate
 
     def sounds(self, now: float) -> float | None:
-        """Return the time at which the next written sample is measured, s; None while empty."""
+        """Return the time at which the next sample's response is measured, s; None while empty."""
         lag = self._duplex.played(self._written, self._size)
         if self._free() >= self._size:
             return None
         return self._duplex.clock.time(self._written - lag + self._trip)
 
     def write(self, samples: FloatArray) -> bool:
-        """Write samples, shape (n, coils), full scale 1; return whether the card underran."""
+        """Write samples relative to full scale, shape (n, coils); return True on an underrun."""
         self._written += len(samples)
         return super().write(samples)
 
@@ -378,7 +378,7 @@ class BenchOutput(audio.SoundCard):
             self._stream, self._duplex.is_played = None, False
 
     def _empty_size(self) -> int:
-        """Return the samples that the output holds, once what it was started with is played."""
+        """Return the capacity of the output buffer, samples, after the initial silence."""
         size = 0
         for _ in range(EMPTYING):
             clocks.sleep(self.block / self.rate)
@@ -386,7 +386,7 @@ class BenchOutput(audio.SoundCard):
         return size
 
     def _round_trip(self) -> int:
-        """Return the samples from an output to the answer of the handle's accelerometer."""
+        """Return the delay from output to response of the handle's accelerometer, samples."""
         noise = np.random.default_rng(0).uniform(-SOFT, SOFT, round(SOUNDED * self.rate))
         given = np.repeat(noise[:, np.newaxis], len(self._own), axis=1)
         most = round(LONGEST_TRIP * self.rate)
@@ -412,17 +412,17 @@ class BenchOutput(audio.SoundCard):
 
 
 def likest(noise: FloatArray, answer: FloatArray) -> tuple[int, float]:
-    """Return the delay, samples, and the strength of the answer that is most like a noise.
+    """Return delay, samples, and strength of the response with the highest correlation.
 
     Parameters
     ----------
     noise, answer
-        As for `alike`.
+        See `alike`.
 
     Raises
     ------
     DeviceError
-        None is like it.
+        The correlation is below `LEAST_LIKENESS` in all channels.
     """
     likeness, delay, strength = alike(noise, answer)
     if likeness < LEAST_LIKENESS:
@@ -435,13 +435,13 @@ def likest(noise: FloatArray, answer: FloatArray) -> tuple[int, float]:
 
 
 def alike(noise: FloatArray, answer: FloatArray) -> tuple[float, int, float]:
-    """Return correlation, delay in samples, and strength of the answer most like a noise.
+    """Return highest correlation of a response with noise, its delay, samples, and strength.
 
     Parameters
     ----------
     noise : ndarray, shape (n,)
     answer : ndarray, shape (m, channels)
-        Longer than the noise.
+        Response of all channels; longer than the noise.
     """
     from scipy import signal
 
@@ -467,7 +467,7 @@ class CardAccelerometer(CompositeDevice):
     device : Device
         Arm.
     to_base_axes : bool
-        Turn the acceleration to the axes of the arm's base, as for a tool.
+        True to rotate the acceleration to the axes of the arm's base, as for a tool.
     """
 
     Parameters = audio.InputParameters
@@ -507,7 +507,7 @@ class CardAccelerometer(CompositeDevice):
         ParameterError
             The card has no such channel, or its rate is too low.
         DeviceError
-            The card fails to open, or the tool's accelerometer hears the handle.
+            The card fails to open, or the tool's accelerometer measures the handle's vibration.
         """
         # Imported here, as scipy.signal is slow to import, and most nodes have no card.
         from scipy.signal import sosfilt
@@ -537,7 +537,7 @@ class CardAccelerometer(CompositeDevice):
             card.check_tools()
 
     def accelerations(self, samples: FloatArray) -> FloatArray:
-        """Return the accelerometer's columns of the card's inputs, m/s^2."""
+        """Convert the card's inputs to the accelerometer's acceleration, m/s^2."""
         return np.asarray(bounded(samples[:, self._channels])[0] * self._scales)
 
     def read(self, time: float) -> Reading:
@@ -545,7 +545,7 @@ class CardAccelerometer(CompositeDevice):
         felt = self._felt(time)
         if felt is LATER:
             return LATER
-        moved = self._device.read(time)  # once, as some devices give each sample once
+        moved = self._device.read(time)  # some devices return each sample only once
         if moved is LATER:
             return LATER
         if moved is None or felt is None:
@@ -556,13 +556,13 @@ class CardAccelerometer(CompositeDevice):
         return moved._replace(acceleration=acceleration)
 
     def _felt(self, time: float) -> Reading:
-        """Return a sample with the acceleration at a time in s, and nothing else."""
+        """Return a sample with only the acceleration at a time in s."""
         card = self.card
         if card is None:
             return None
         now = clocks.monotonic()
         if card.clock.index(now) < card.clock.index(time) + 1:
-            return LATER  # at its tick no sample is there, and forces that are due should not wait
+            return LATER  # no sample yet at its tick; due forces should not wait
         card.receive(now)
         position = card.clock.index(time)
         if not position + 1 < card.received:
@@ -578,7 +578,7 @@ class CardAccelerometer(CompositeDevice):
         return Sample(ZERO, ZERO, vector)
 
     def _filter(self, card: DuplexCard) -> None:
-        """Filter what has come since the last time."""
+        """Filter the samples that have arrived since the last call."""
         new = card.around(self._known, card.received - self._known)
         if new is None:  # the loop stood still
             new = card.around(card.received, 0)
@@ -601,7 +601,7 @@ class CardAccelerometer(CompositeDevice):
 
     @property
     def remark(self) -> str:
-        """Remark of the device; card and inputs."""
+        """Remark of the device, with card and inputs."""
         card = self.card
         own = (
             f"accelerometer on the sound card {card.name}, input {self._parameters.inputs}, read"
@@ -613,13 +613,13 @@ class CardAccelerometer(CompositeDevice):
 
     @property
     def problem(self) -> str:
-        """Problem of the device, and samples so far that cannot be."""
+        """Problem of the device, and warning about impossible samples so far."""
         own = f"audio.inputs: {self._wrong} samples not finite or beyond full scale, limited to it"
         return "; ".join(filter(None, (super().problem, own if self._wrong else "")))
 
     @property
     def interruptions(self) -> int:
-        """Number of interruptions of the device, of lost samples, and of steps of the clock."""
+        """Number of interruptions of the device, losses of samples, and clock steps."""
         card = self.card
         own = card.overruns + card.clock.jumps if card else 0
         return super().interruptions + own
@@ -639,9 +639,9 @@ class CardAccelerometer(CompositeDevice):
 
 
 def bounded(samples: FloatArray) -> tuple[FloatArray, int]:
-    """Return samples within full scale, and the number of those that were not.
+    """Limit samples to full scale; return them and the number of limited samples.
 
-    A recursive filter keeps a sample that is not finite for ever.
+    A non-finite sample would remain in a recursive filter forever.
 
     Examples
     --------
@@ -653,12 +653,12 @@ def bounded(samples: FloatArray) -> tuple[FloatArray, int]:
 
 
 def _sensor_filter(bandwidth: float, ac_corner: float, rate: float) -> FloatArray:
-    """Return a low-pass of order one, after what undoes an AC coupling of order one.
+    """Return a first-order low-pass, combined with the inverse of a first-order AC coupling.
 
     Parameters
     ----------
     bandwidth, ac_corner : float
-        Corners, Hz; the second is 0 without a coupling.
+        Corner frequencies, Hz; `ac_corner` is 0 without AC coupling.
     rate : float
         Samples per second.
 
@@ -677,7 +677,7 @@ def _sensor_filter(bandwidth: float, ac_corner: float, rate: float) -> FloatArra
 
 
 class NoArm(Device):
-    """Arm that is not there: handle or tool in a hand, without position and force.
+    """Placeholder without an arm, for a handle or tool in a hand: no position, no force.
 
     Parameters
     ----------

@@ -4,8 +4,8 @@
 """Calibration of accelerometers on the inputs of a sound card: scale, polarity, noise.
 
 An input's scale is its acceleration at full scale, m/s², negative for a swapped polarity. Gravity
-gives it where the input passes constant voltages. Other inputs are compared while they are shaken:
-with a calibrated sensor on the same mass, or with a known force on a known mass.
+determines the scale if the input passes constant voltages. Other inputs are compared during
+shaking with a calibrated sensor on the same mass, or with a known force on a known mass.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from haptic_accel.core.model import GRAVITY, ComplexArray, FloatArray
 from haptic_accel.devices.serial.calibration import CalibrationError, calibrate, rest
 
 FULL = 0.999
-"""Share of full scale from which on a sample counts as clipped: a card's largest is 1 - 2^-15."""
+"""Share of full scale from which on a sample counts as clipped: a card's maximum is 1 - 2^-15."""
 
 MOST_CLIPPED = 2
-"""Clipped samples that a record may have: a single one is a click, not a level."""
+"""Maximum number of clipped samples in a recording: a single one is a click, not a level."""
 
 LEAST_RANGE = 1e-6
-"""Smallest range of a record, relative to full scale: eight steps of 24 bits. A connected input
+"""Minimum range of a recording, relative to full scale: eight steps of 24 bits. A connected input
 has more noise."""
 
 LEAST_TURN = 20.0
-"""Smallest change of a turned input relative to its noise; that of a resting sensor is 65."""
+"""Minimum change of the mean when a sensor is turned over, relative to its noise; typically 65."""
 
 BAND = 40.0, 300.0
 """Band in which inputs are compared while they are shaken, Hz: above the corner of an AC-coupled
@@ -46,17 +46,17 @@ LEAST_COHERENCE = 0.9
 """Smallest median coherence in the band."""
 
 MOST_UNEVEN = 0.1
-"""Largest spread of the gain over the band: half the range between its quartiles, relative."""
+"""Maximum spread of the gain over the band: half the interquartile range, relative."""
 
 MOST_TURNED = math.radians(30.0)
-"""Largest angle of the response from that of a sensor in line, or opposite, rad."""
+"""Maximum phase of the response relative to an aligned, or inverted, sensor, rad."""
 
 MOST_UNEQUAL = 0.05
 """Largest relative difference between the gains of a strong and of a weak excitation."""
 
 STROKE, HEARD = 3.0, 5.0
-"""RMS that strokes are given with a contact microphone, m/s² (assumed, as that of the simulated
-surfaces), and the least ratio of stroke to noise."""
+"""Assumed RMS of strokes with a contact microphone, m/s² (that of the simulated surfaces), and
+minimum ratio of stroke to noise."""
 
 COUNTS = 2.0**23
 """Counts at full scale of a sensor of 24 bits."""
@@ -74,7 +74,7 @@ class InputCalibration:
     Attributes
     ----------
     scale, scale_error : float
-        Acceleration at full scale, and its standard error, m/s²; negative: swapped polarity.
+        Acceleration at full scale, and its standard error, m/s²; negative for swapped polarity.
     noise : float
         Standard deviation at rest, m/s².
     is_relative : bool
@@ -101,12 +101,12 @@ class InputCalibration:
 
 
 def check_level(samples: FloatArray, name: str) -> None:
-    """Refuse a record that clips, or of an input without a sensor.
+    """Refuse a recording that clips, or that is from an input without a sensor.
 
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Full scale 1.
+        Samples relative to full scale.
     name : str
         Name of the input for the message.
 
@@ -140,7 +140,7 @@ def by_gravity(up: FloatArray, down: FloatArray, name: str) -> InputCalibration:
     Parameters
     ----------
     up, down : ndarray, shape (n,) and (m,)
-        Full scale 1.
+        Samples relative to full scale.
     name : str
         Name of the input for messages.
 
@@ -167,12 +167,12 @@ def by_gravity(up: FloatArray, down: FloatArray, name: str) -> InputCalibration:
 def by_reference(
     shaken: FloatArray, quiet: FloatArray, reference: FloatArray, rate: float, name: str
 ) -> InputCalibration:
-    """Return the calibration of an input beside a calibrated sensor on the same mass.
+    """Return the calibration of an input by a calibrated sensor on the same mass.
 
     Parameters
     ----------
     shaken, quiet : ndarray, shape (n,) and (m,)
-        Input while shaken along the axis of both, and at rest; full scale 1.
+        Input during shaking along the axis of both sensors, and at rest, relative to full scale.
     reference : ndarray, shape (n,)
         Calibrated acceleration at the same times as `shaken`, m/s².
     rate : float
@@ -183,7 +183,7 @@ def by_reference(
     Raises
     ------
     CalibrationError
-        The two do not move alike, or the input has no sensor or clips.
+        The sensors do not move in the same way, or the input has no sensor or clips.
     """
     check_level(shaken, name)
     return _calibration(*_ratio(reference, shaken, rate, name), quiet)
@@ -192,7 +192,7 @@ def by_reference(
 def by_force(
     force: FloatArray, shaken: FloatArray, quiet: FloatArray, rate: float, mass: float, name: str
 ) -> InputCalibration:
-    """Return the calibration of an input on a known mass that a known force shakes.
+    """Return the calibration of an input on a known mass that is shaken by a known force.
 
     The response may be delayed, by the card's round trip. Above its suspension's resonance the
     mass moves freely, with the acceleration force by mass.
@@ -200,16 +200,16 @@ def by_force(
     Parameters
     ----------
     force : ndarray, shape (n,)
-        Force along the sensor's axis, N; its second half a quarter as strong as the first, which
-        shows an automatic gain.
+        Force along the sensor's axis, N; the second half is a quarter as strong as the first, to
+        detect an automatic gain.
     shaken : ndarray, shape (n,)
-        Input from the same time on; full scale 1.
+        Input from the same time on, relative to full scale.
     quiet : ndarray, shape (m,)
-        Input at rest; full scale 1.
+        Input at rest, relative to full scale.
     rate : float
         Samples per second.
     mass : float
-        Everything that the force moves, kg.
+        Total mass moved by the force, kg.
     name : str
         Name of the input for messages.
 
@@ -236,12 +236,12 @@ def by_force(
 
 
 def relative(stroked: FloatArray, quiet: FloatArray, name: str) -> InputCalibration:
-    """Return the scale with which strokes over a surface have a usual strength.
+    """Return the scale for which strokes over a surface have the usual strength.
 
     Parameters
     ----------
     stroked, quiet : ndarray, shape (n,) and (m,)
-        Input during strokes, and at rest; full scale 1.
+        Input during strokes, and at rest, relative to full scale.
     name : str
         Name of the input for messages.
 
@@ -262,7 +262,7 @@ def relative(stroked: FloatArray, quiet: FloatArray, name: str) -> InputCalibrat
 
 
 def digital_scales(name: str) -> tuple[float, float] | None:
-    """Return the full scales of both channels that a sensor states in its name, m/s².
+    """Return the full scales of both channels from a sensor's name, m/s².
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ def digital_scales(name: str) -> tuple[float, float] | None:
     Returns
     -------
     tuple of float, or None
-        None for a card that is no such sensor.
+        Full scales; None if the card is not such a sensor.
 
     Examples
     --------
@@ -293,7 +293,7 @@ def _calibration(gain: float, error: float, quiet: FloatArray) -> InputCalibrati
 
 
 def _delay(cause: FloatArray, response: FloatArray, most: int) -> int:
-    """Return the samples by which a response is late: segments would lose what comes later."""
+    """Return the delay of a response, samples; segments would otherwise lose delayed parts."""
     from scipy import signal
 
     likeness = np.abs(signal.correlate(response, cause, "full", "fft"))
@@ -301,7 +301,7 @@ def _delay(cause: FloatArray, response: FloatArray, most: int) -> int:
 
 
 def _ratio(cause: FloatArray, response: FloatArray, rate: float, name: str) -> tuple[float, float]:
-    """Return the gain in `BAND` from a cause, m/s², to a response, with its sign; its error."""
+    """Return the signed gain in `BAND` from a cause, m/s², to a response, and its error."""
     from scipy import signal
 
     segment = round(SEGMENT * rate)
@@ -327,14 +327,14 @@ def _ratio(cause: FloatArray, response: FloatArray, rate: float, name: str) -> t
             f" must by at most {MOST_UNEVEN:.0%}; is the sensor fixed firmly, and does nothing"
             " resonate?"
         )
-    # Half of the segments count twice, as Welch's overlap.
+    # Welch's segments overlap by half.
     records = max(1, 2 * len(cause) // segment - 1)
     error = math.sqrt(max(0.0, 1 - seen) / (2 * seen * records * np.count_nonzero(band)))
     return gain * _sign(gains, name), error
 
 
 def _sign(gains: ComplexArray, name: str) -> float:
-    """Return 1 for a response in line with its cause, -1 for an opposite one."""
+    """Return 1 for a response in phase with its cause, -1 for the opposite phase."""
     turned = gains / np.abs(gains)
     angle = math.atan2(float(np.median(turned.imag)), float(np.median(turned.real)))
     off = min(abs(angle), math.pi - abs(angle))

@@ -1,13 +1,13 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Columns of a file: quantities, units, choice by name, and the sampling rate in their times.
+"""Columns of a file: quantities, units, choice by name, and sampling rate from time columns.
 
-Those of CSV files are read with their units, times and decimal sign.
+CSV files are read with units, times and either decimal sign.
 
-A title may state a unit: ``ax [g]``, ``acceleration (mm/s^2)``, ``acc_mg``, ``force mN``. In
-brackets any text but an axis is a unit. Without brackets only a known unit is one, after a blank,
-underscore, comma or slash.
+A title may state a unit: ``ax [g]``, ``acceleration (mm/s^2)``, ``acc_mg``, ``force mN``. Any text
+in brackets except an axis is a unit. Without brackets, only a known unit after a blank,
+underscore, comma or slash is a unit.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ LENGTHS = {
 """Metres in units of length."""
 
 AXES = ("x", "y", "z", "0", "1", "2", "3")
-"""Axes, which may be in brackets as well."""
+"""Names of axes, which may also be in brackets."""
 
 WITHOUT_SCALE = (
     *("count", "counts", "lsb", "LSB", "raw", "adc", "ADC", "digit", "digits"),
@@ -68,13 +68,13 @@ class Quantity:
     unit : str
         Unit of a column without a unit in its title.
     si_unit : str
-        Unit of what is read.
+        Unit of the values that are read.
     examples : str
-        Units for messages.
+        Examples of units for messages.
     units : mapping
-        Factor to the SI unit by unit.
+        Factor to the SI unit, by name of the unit.
     pattern : re.Pattern, optional
-        Units that begin with a length, as a group of this name.
+        Pattern of units that begin with a length, which is the group ``length``.
     """
 
     unit: str
@@ -123,7 +123,8 @@ _EXAMPLES = "m/s^2, mm/s^2, g or mg"
 ACCELERATION = Quantity("m/s^2", "m/s^2", _EXAMPLES, _ACCELERATIONS, _PER_SECOND_SQUARED)
 FORCE = Quantity("N", "N", "N or mN", _FORCES)
 SPEED = Quantity("mm/s", "m/s", "mm/s or m/s", {}, _PER_SECOND)
-"""Speed along a surface; without unit in mm/s, as in files of the Penn Haptic Texture Toolkit."""
+"""Speed along a surface; mm/s if the unit is missing, as in files of the Penn Haptic Texture
+Toolkit."""
 
 TIME = Quantity("s", "s", "s, ms, us or ns", _TIMES)
 
@@ -134,7 +135,7 @@ TIME_NAMES = (
     *("time", "times", "t", "timestamp", "timestamps", "stamp"),
     *("time_stamp", "time stamp", "elapsed_time", "elapsed time"),
 )
-"""Names of columns with the times of samples, in small letters, whatever their values."""
+"""Names, in lower case, of columns that contain sample times regardless of their values."""
 
 MOST_CHANNELS = 64
 """Maximum number of channels of a WAV or NPZ file: 21 sensors with three axes and their times."""
@@ -165,12 +166,12 @@ class Column:
 
 
 def named_time(title: str) -> bool:
-    """Return whether a title has a usual name of the times of samples."""
+    """Return whether a title is a common name for sample times."""
     return TIME.parsed(title)[0].strip(" %_").casefold() in TIME_NAMES
 
 
 def time_unit(title: str) -> str:
-    """Return the unit of time in a title, which may be the whole title; empty if it has none."""
+    """Return the unit of time in a title, which may be the whole title; empty if none."""
     name, unit = TIME.parsed(title)
     whole = name if len(name) > 1 else ""
     return next((each for each in (unit, unit.casefold(), whole) if each in TIME.units), "")
@@ -182,7 +183,7 @@ def chosen(file: str, column: Column, titles: Sequence[str], wording: Wording) -
     Raises
     ------
     ParameterError
-        There is none, or more than one.
+        There is no such column, or more than one.
     """
     bare = [column.quantity.parsed(title)[0] for title in titles]
     for name in column.names:
@@ -208,7 +209,7 @@ def missing(
 
 
 def factor_of(file: str, title: str, quantity: Quantity) -> float:
-    """Return the factor from a column to the SI unit, and tell the user of a conversion.
+    """Return the factor from a column to the SI unit, and log a conversion.
 
     Raises
     ------
@@ -230,8 +231,8 @@ def factor_of(file: str, title: str, quantity: Quantity) -> float:
 # Times
 
 TOLERANCE = 1e-3
-"""Maximum relative difference between the stated rate and that of the times: stamps of a second
-in whole milliseconds are as exact."""
+"""Maximum relative difference between the stated rate and that of the times: the accuracy of
+stamps in whole milliseconds over one second."""
 
 USUAL_SHARE = 0.9
 """Minimum fraction of steps within half of the median step; otherwise the stamps are coarse or the
@@ -242,28 +243,28 @@ MOST_UNEVEN = 0.01
 the recording's length."""
 
 JITTER = 0.1
-"""Standard deviation of the steps relative to their mean above which the user is told; deviation
-of most steps from their median up to which values without a unit are times."""
+"""Standard deviation of the steps relative to their mean above which a message is logged; maximum
+deviation of most steps from their median for values without a unit to count as times."""
 
 FEWEST = 8
-"""Minimum number of steps that show what a column is."""
+"""Minimum number of steps for recognising a column of times."""
 
 COUNT = 1.0
 """Step of values without a unit that count samples."""
 
 Where = Callable[[int], str]
-"""Line of a file, or the like, by the index of a sample."""
+"""Function from a sample's index to its line in a file, or similar location."""
 
 LOWEST, HIGHEST = 100.0, 1e5
-"""Range of rates of which only one unit is possible for times without unit, Hz: three decades, as
-between s, ms, us and ns."""
+"""Range of rates in which times without unit have only one possible unit, Hz: three decades, the
+factor between s, ms, us and ns."""
 
 
 def is_time(title: str, values: FloatArray) -> bool:
     """Return whether a column holds the times of its samples, by title, unit and content.
 
-    Values with a unit of time are times if most of them rise. Values without one are times if all
-    rise, most of them evenly, and they do not count samples.
+    Values with a unit of time are times if most of them increase. Values without unit are times if
+    all increase, most of them evenly, and they do not count samples.
 
     Parameters
     ----------
@@ -285,7 +286,7 @@ def is_time(title: str, values: FloatArray) -> bool:
 def rate_of_times(
     location: str, title: str, times: FloatArray, where: Where, stated: float, argument: str
 ) -> float:
-    """Return the sampling rate of a recording with a column that may be times, see `is_time`.
+    """Return the sampling rate of a recording from a column that may be times; see `is_time`.
 
     Parameters
     ----------
@@ -295,7 +296,7 @@ def rate_of_times(
     times : ndarray, shape (n,)
         Time of each sample, in the title's unit; NaN where the file has no number.
     where : callable
-        Returns the line, or the like, of a sample by its index.
+        Function from a sample's index to its line, or similar location.
     stated : float
         Sampling rate stated by the user, Hz; 0 if it is not stated.
     argument : str
@@ -304,8 +305,8 @@ def rate_of_times(
     Returns
     -------
     float
-        Samples per second: the stated rate, if the times agree with it. The user is told of a rate
-        from a column whose name does not say that it is a time.
+        Samples per second: the stated rate, if the times agree with it. A rate from a column
+        without a name of times is logged.
 
     Raises
     ------
@@ -349,7 +350,7 @@ _SCALES = ("s", "ms", "us", "ns")
 
 
 def _whole(rate: float) -> float:
-    """Return a rate rounded to whole hertz, if that is as exact as other rates are met."""
+    """Return a rate rounded to whole hertz, if the difference is within the usual tolerance."""
     whole = float(round(rate))
     return whole if math.isclose(rate, whole, rel_tol=RATE_TOLERANCE) else rate
 
@@ -357,7 +358,7 @@ def _whole(rate: float) -> float:
 def _period(location: str, times: FloatArray, where: Where) -> tuple[float, float]:
     """Return the mean step of even times, and its relative uncertainty.
 
-    Times that are rounded to more than half of the step determine it by their length alone.
+    If times are rounded to more than half of the step, only the total duration is used.
     """
     steps = np.diff(times)
     back = np.flatnonzero(steps < 0)
@@ -374,7 +375,7 @@ def _period(location: str, times: FloatArray, where: Where) -> tuple[float, floa
     ordinary = np.abs(steps - usual) <= 0.5001 * usual
     if np.mean(ordinary) < USUAL_SHARE:
         period = length / len(steps)
-        # Rounding, of these times and of the first and the last.
+        # Allow for rounding of these times, and of the first and last time.
         most = 2.0 * float(steps[steps > 0].min())
         if np.ptp(times - times[0] - period * np.arange(len(times))) > most:
             raise _uneven(location, steps, period, where)
@@ -404,7 +405,7 @@ def _uneven(location: str, steps: FloatArray, period: float, where: Where) -> Pa
 
 
 LARGEST_VALUE = 1.0e6
-"""Maximum magnitude of a value in SI units; a file that exceeds it contains something else."""
+"""Maximum magnitude of a value in SI units; larger values indicate another quantity."""
 
 LONGEST_LINE = 1 << 16
 """Maximum length of a line of a CSV file, characters."""
@@ -416,8 +417,8 @@ COMMENT = "#"
 """Start of a line that is skipped."""
 
 MOST_COMMENTS = 100
-"""Maximum number of comments that are kept, of which the last may be the titles; as many again
-with a frequency."""
+"""Maximum number of comments that are kept, the last of which may contain the titles; the same
+maximum applies to comments with a frequency."""
 
 FIRST_ROWS = 50
 """Number of rows whose values show which columns may be times."""
@@ -453,7 +454,7 @@ def read_csv(
     Raises
     ------
     ParameterError
-        The file is no table of numbers, or contradicts itself or the stated rate.
+        The file is not a table of numbers, or contradicts itself or the stated rate.
     """
     try:
         return _Table(name, file).read(columns, rate, wording)
@@ -466,7 +467,7 @@ def read_csv(
 
 
 class _Table:
-    """Rows of a CSV file below its titles, which are numbers if it has none."""
+    """Rows of a CSV file below its titles; columns without titles are numbered."""
 
     def __init__(self, name: str, file: io.BufferedReader) -> None:
         self._name = name
@@ -491,7 +492,7 @@ class _Table:
             self._titles = self._titles_above(len(self._titles))
 
     def _titles_above(self, count: int) -> list[str]:
-        """Return the titles in the last comment, as `numpy.savetxt` writes it, or numbers."""
+        """Return the titles in the last comment, as written by `numpy.savetxt`, or numbers."""
         if self._comments:
             comment = self._comments[-1].lstrip(f"{COMMENT} ")
             titles = [each.strip() for each in comment.split(_separator(comment))]
@@ -535,7 +536,7 @@ class _Table:
         return [np.array(each, dtype=np.float64) for each in values], rate
 
     def _times(self, first: Sequence[tuple[int, Sequence[str]]]) -> list[int]:
-        """Return the columns that hold times by their titles or first values."""
+        """Return the columns that contain times, according to titles or first values."""
         return [
             index
             for index, title in enumerate(self._titles)
@@ -544,7 +545,7 @@ class _Table:
         ]
 
     def _chosen(self, column: Column, times: Sequence[int], wording: Wording) -> int:
-        """Return the index of a column; of a file without titles the only one but times."""
+        """Return the index of a column; without titles, the only column that is not times."""
         left = [index for index in range(len(self._titles)) if index not in times]
         is_numbered = all(map(str.isdecimal, self._titles))
         if not is_numbered or column.names[0] in self._titles:
@@ -559,7 +560,7 @@ class _Table:
         return left[0]
 
     def _check(self, line: int, row: Sequence[str]) -> None:
-        """Reject a row with values that no title names, but for the index that pandas writes."""
+        """Reject a row with more values than titles, except for the index column of pandas."""
         for index, text in enumerate(row):
             if text and (index >= len(self._titles) or (index and not self._titles[index])):
                 commas = "; decimal commas need semicolons or tabs between columns"
@@ -590,7 +591,7 @@ class _Table:
         return _plain(text) if not sign or sign == self._decimal else math.nan
 
     def _tell_comments(self, rate: float) -> None:
-        """Tell the user of comments, above all of one with another rate."""
+        """Log comments, especially a comment with another rate."""
         if not self._comments:
             return
         stating = [comment for comment in self._comments if _FREQUENCY.search(comment)]
@@ -606,7 +607,7 @@ class _Table:
         )
 
     def _lines(self, text: io.TextIOWrapper) -> Iterator[str]:
-        """Yield the lines of a text but comments; long lines are rejected."""
+        """Yield the lines of a text without comments; reject long lines."""
         while line := text.readline(LONGEST_LINE + 1):
             self._line += 1
             if len(line) > LONGEST_LINE:
@@ -630,7 +631,7 @@ def _separator(header: str) -> str:
 
 
 def _between_numbers(line: str) -> str:
-    """Return what separates the numbers of a line; empty for a line with other texts."""
+    """Return the separators between the numbers of a line; empty for a line with other texts."""
     for separator in (*reversed(SEPARATORS), " "):
         texts = line.split(separator) if separator != " " else line.split()
         if texts and all(not math.isnan(_plain(each.strip())) for each in texts):

@@ -38,7 +38,7 @@ def config_folder() -> Path:
 
 
 def is_recording(surface: str) -> bool:
-    """Return whether a surface's name is a recording's: a file that is no ``.yaml``."""
+    """Return whether a surface's name is a recording: any file except ``.yaml``."""
     return Path(surface).suffix not in ("", ".yaml")
 
 
@@ -51,7 +51,7 @@ def preset_file(kind: str, name: str, beside: Path = Path()) -> Path:
         One of rig, surface, scene or texture.
     name : str
         Name of a file in ``config/<kind>s``, or a path ending in ``.yaml`` or ``.npz``; for a
-        surface also a recording's path.
+        surface also the path of a recording.
     beside : Path
         Folder for relative paths; default: current folder.
 

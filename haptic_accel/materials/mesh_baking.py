@@ -30,24 +30,24 @@ LARGEST_GRID = 300_000
 """Maximum number of samples of a mesh; they take about half a minute, once."""
 
 BORDER = 2
-"""Number of samples around a mesh, so that its surface lies within the grid."""
+"""Number of samples on each side of a mesh, so that its surface lies within the grid."""
 
 
 ROUNDING = 1e-4
-"""Part of a spacing by which a mesh in single precision may exceed a whole number of them."""
+"""Fraction of a spacing by which a single-precision mesh may exceed a whole number of spacings."""
 
 MOST_BODIES = 1000
 """Maximum number of closed surfaces in a mesh."""
 
 LARGEST_LOSS = 0.3
 """Maximum difference between the volumes of a mesh and of its grid, relative to that of a layer on
-the surface as thick as the spacing. Edges make up to 0.2 of it on a box of four spacings."""
+the surface as thick as the spacing. The edges of a box of four spacings cause up to 0.2."""
 
 
 def baked(path: Path, spacing: float, scale: float) -> tuple[FloatArray, FloatArray, str]:
     """Return a mesh's signed distances, the position of the first distance, and a remark.
 
-    Bodies that overlap are united. A mesh with all faces inwards is turned, which the remark says.
+    Overlapping bodies are united. A mesh with all faces inwards is inverted, with a remark.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def baked(path: Path, spacing: float, scale: float) -> tuple[FloatArray, FloatAr
 
 
 def _distances(path: Path, mesh: Any, positions: FloatArray, spacing: float) -> FloatArray:
-    """Return signed distances to solids that do not overlap, which their volume must confirm."""
+    """Return signed distances to solids that do not overlap; check them by the volume."""
     from trimesh.proximity import signed_distance
 
     found = -np.asarray(signed_distance(mesh, positions))
@@ -101,7 +101,7 @@ def _distances(path: Path, mesh: Any, positions: FloatArray, spacing: float) -> 
 
 
 def _solids(path: Path, mesh: Any) -> list[Any]:
-    """Return the bodies of a mesh, each with the hollows in it."""
+    """Return the bodies of a mesh, each with its cavities."""
     import trimesh
 
     if not mesh.is_winding_consistent:
@@ -154,13 +154,13 @@ def _within(inner: FloatArray, outer: FloatArray) -> bool:
 
 
 def _unit_remark(mesh: Any, scale: float) -> str:
-    """Return that a scale contradicts the unit that a file or its format states."""
+    """Return a remark if the scale contradicts the unit stated by a file or its format."""
     from trimesh.units import unit_conversion
 
     try:
         stated = float(unit_conversion(mesh.units, "meters")) if mesh.units else scale
     except (KeyError, ValueError):
-        return ""  # no unit of length
+        return ""  # the file has no unit of length
     if math.isclose(stated, scale, rel_tol=1e-6):
         return ""
     return f"is in {shown(mesh.units)}, but scale = {scale:g} m is used"
@@ -172,7 +172,7 @@ def _mesh(path: Path) -> Any:
 
     try:
         mesh = trimesh.load_mesh(path)
-    except Exception as error:  # arbitrary errors from readers of many formats
+    except Exception as error:  # readers of many formats raise any error
         reason = shown(" ".join(str(error).split())[:100])
         raise ParameterError(f"{path}: must be a mesh that trimesh reads: {reason}") from None
     if not (len(getattr(mesh, "faces", ())) and mesh.is_watertight):
@@ -181,7 +181,7 @@ def _mesh(path: Path) -> Any:
 
 
 def main() -> None:
-    """Write the grid of a given mesh to a file."""
+    """Write the grid of the mesh in the arguments to a file."""
     import trimesh.proximity  # noqa: F401 - what it takes is not the mesh's
 
     path, result = Path(sys.argv[1]), Path(sys.argv[2])

@@ -32,7 +32,7 @@ _TOOL = "haptic_accel_tool"
 
 
 def moving_scene(path: Path, materials: Mapping[str, Material], start: Vector, name: str) -> Scene:
-    """Return the scene of an MJCF file, drawn in its initial state.
+    """Return the scene of an MJCF file, with the shapes in their initial state.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def moving_scene(path: Path, materials: Mapping[str, Material], start: Vector, n
             _shape(model.geom(index)),
             materials.get(geom) or Material(geom),
             tuple(data.geom_xpos[index].tolist()),
-            # About the fixed axes x, y, z.
+            # Angles are about the fixed axes x, y, z.
             vector(Rotation.from_matrix(data.geom_xmat[index].reshape(3, 3)).as_euler("xyz")),
         )
         for index, geom in enumerate(names)
@@ -185,7 +185,7 @@ class MovingTool:
         ground = self._ground_velocity(other, contact.pos)
         relative = self._data.qvel[self._axes] - ground
         along = _along(relative, normal)
-        # The contact has normal force only, as MuJoCo's friction makes the tool hop.
+        # MuJoCo's contact has normal force only, as its friction makes the tool hop.
         pushing = (
             float(self._data.efc_force[contact.efc_address]) if contact.efc_address >= 0 else 0
         )
@@ -229,7 +229,7 @@ def _along(vector: FloatArray, normal: FloatArray) -> FloatArray:
 
 
 def _with_tool(path: Path, start: Vector, parameters: ToolParameters) -> Any:
-    """Return a file's model with an added tool, whose geom comes last."""
+    """Return a file's model with an added tool, whose geom is the last."""
     from mujoco import mjtGeom, mjtJoint
 
     stated = specification(path)

@@ -3,8 +3,8 @@
 
 """Compilation of an MJCF file in a separate process, with limits of time and memory.
 
-The numbers of copies, sizes of meshes and tables, and included files can exceed any limit. In some
-cases MuJoCo's compiler does not return.
+An MJCF file can state arbitrary numbers of copies, sizes of meshes and tables, and included files.
+In some cases MuJoCo's compiler does not return.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def specification(path: Path) -> Any:
     Raises
     ------
     ParameterError
-        MuJoCo cannot read it.
+        MuJoCo cannot read the file.
     """
     import mujoco
 
@@ -77,7 +77,7 @@ def compiled(path: Path, stated: Any) -> Any:
     Raises
     ------
     ParameterError
-        MuJoCo cannot compile it, or a value is not allowed here.
+        MuJoCo cannot compile the file, or a value is not allowed here.
     """
     with _read_by_mujoco(path):
         model = stated.compile()
@@ -98,7 +98,7 @@ def compile_and_step(path: Path) -> None:
     Raises
     ------
     ParameterError
-        As for `specification` and `compiled`.
+        See `specification` and `compiled` for the conditions.
     """
     import mujoco
 
@@ -120,7 +120,7 @@ def _read_by_mujoco(path: Path) -> Iterator[None]:
 
 
 def main() -> None:
-    """Check a given file."""
+    """Check the file in the arguments."""
     import mujoco  # noqa: F401 - what it takes is not the file's
 
     bounded(lambda: compile_and_step(Path(sys.argv[1])), SECONDS, MEGABYTES)

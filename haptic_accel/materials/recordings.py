@@ -3,7 +3,7 @@
 
 """Recorded accelerations as input: read from CSV or WAV files, and resampled.
 
-Sizes and facts of a WAV file are checked before its samples are decoded.
+Sizes and metadata of a WAV file are checked before its samples are decoded.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ FORMAT, DATA = b"fmt ", b"data"
 """Names of the chunks that each file has once."""
 
 ORDERS: Mapping[bytes, Literal["little", "big"]] = {b"RIFF": "little", b"RIFX": "big"}
-"""Order of bytes by the first four of a file."""
+"""Byte order by the first four bytes of a file."""
 
 STREAMED = 0x7FFFF000
-"""Size, bytes, from which on a stated size is unknown, as 0 is: streams are written so, and no
-file that is read is so large."""
+"""Size, bytes, from which on a stated size means unknown, as 0 does: streams state such sizes, and
+no accepted file is that large."""
 
 SILENT = 1e-3
 """Standard deviation relative to that of the loudest channel below which a channel is silent."""
 
 
 def is_wav(start: bytes) -> bool:
-    """Return whether the first bytes of a file are those of a WAV file."""
+    """Return whether a file begins with the bytes of a WAV file."""
     return start[:4] in ORDERS
 
 
@@ -54,9 +54,9 @@ def read_wav(
 ) -> tuple[float, list[FloatArray]]:
     """Return sampling rate and channels of a WAV file, relative to full scale.
 
-    All encodings have one scale, from -1 to 1. Floating-point samples may exceed it. Sizes that
-    are unknown, as in streams, reach to the end of the file. The byte after a chunk of odd length
-    may be missing.
+    All encodings are scaled to -1 to 1. Floating-point samples may exceed this range. A chunk of
+    unknown size, as in streams, extends to the end of the file. The byte after a chunk of odd
+    length may be missing.
 
     Parameters
     ----------
@@ -65,8 +65,8 @@ def read_wav(
     content : bytes
         The whole file.
     requested : sequence of str
-        Numbers of the channels, from 1; an empty text for the first that is not silent. The user
-        is told of the others.
+        Numbers of the channels, from 1; an empty text for the first that is not silent. Other
+        channels are logged.
     wording : Wording
 
     Returns
@@ -78,7 +78,7 @@ def read_wav(
     Raises
     ------
     ParameterError
-        The file is cut off, has too many chunks, channels or samples, lacks a channel, or is no
+        The file is cut off, has too many chunks, channels or samples, lacks a channel, or is not a
         WAV file of integer or floating-point samples.
     """
     order = ORDERS.get(content[:4])
@@ -95,7 +95,7 @@ def read_wav(
 
 
 def _chunks(name: str, content: bytes, order: Literal["little", "big"]) -> dict[bytes, memoryview]:
-    """Return format and samples, whose sizes must not contradict that of the file."""
+    """Return the chunks of format and samples; their sizes must match that of the file."""
     size, stated = len(content), int.from_bytes(content[4:8], order)
     end = stated + 8 if 0 < stated < STREAMED else size
     if end > size + 1:  # the last pad byte may be missing
@@ -130,7 +130,7 @@ def _chunks(name: str, content: bytes, order: Literal["little", "big"]) -> dict[
 
 
 def _is_name(text: bytes) -> bool:
-    """Return whether a chunk may begin with these bytes."""
+    """Return whether four bytes can be the name of a chunk."""
     return len(text) == 4 and text.isascii() and text.decode().isprintable()
 
 
@@ -163,7 +163,7 @@ def _decoded(
 
 
 def _heard(name: str, frames: npt.NDArray[Any], wording: tables.Wording) -> int:
-    """Return the first channel that is not silent, and tell the user if there are others."""
+    """Return the first channel that is not silent, and log the other channels."""
     if frames.shape[1] == 1:
         return 0
     with np.errstate(all="ignore"):  # values are checked later
@@ -183,7 +183,7 @@ def _relative(samples: npt.NDArray[Any]) -> FloatArray:
     if samples.dtype.kind == "f":
         return relative
     half = 2.0 ** (8 * samples.dtype.itemsize - 1)
-    # WAV files store 8 bits and fewer as offset binary.
+    # WAV files store samples of up to 8 bits as offset binary.
     return (relative - half * (samples.dtype.kind == "u")) / half
 
 
@@ -226,7 +226,7 @@ def read_recording(
     Commas, semicolons or tabs separate columns, empty lines and lines that begin with # are
     skipped. A column of times must agree with the rate. A WAV file (recognised by its first bytes,
     or by its name) has integer or floating-point samples relative to `full_scale`. An offset is
-    kept. Outliers are replaced, see `cleaned`.
+    kept. Outliers are replaced; see `cleaned`.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def read_recording(
         Acceleration at full scale of a WAV file, m/s^2; default: `FULL_SCALE`, which
         floating-point samples must not exceed.
     most_columns : int
-        Number of columns that the user may choose: 1, or 3 for x, y and z, with commas between.
+        Number of columns that may be chosen: 1, or 3 for x, y and z, separated by commas.
 
     Returns
     -------
@@ -289,7 +289,8 @@ def read_samples(
     wording : Wording, optional
         Names of the arguments in messages.
     assumed : float, optional
-        Full scale of a WAV file for which none is stated, m/s^2; such a file is rejected without.
+        Full scale of a WAV file without a stated one, m/s^2; without `assumed`, such a file is
+        rejected.
 
     Returns
     -------
@@ -301,7 +302,7 @@ def read_samples(
     Raises
     ------
     ParameterError
-        As for `read_recording`.
+        See `read_recording` for the conditions.
     """
     wording = wording or tables.Wording()
     recording_rate = _checked(recording_rate, wording)
@@ -340,7 +341,7 @@ def read_columns(
     ----------
     path : str or path-like
     recording_rate : float
-        Samples per second, Hz; 0 for that of the file's times.
+        Samples per second, Hz; 0 to use the file's times.
     columns : sequence of Column
     wording : Wording
         Names of the arguments in messages.
@@ -357,7 +358,7 @@ def read_columns(
     Raises
     ------
     ParameterError
-        As for `read_recording`.
+        See `read_recording` for the conditions.
     """
     name, recording_rate = shown(os.fspath(path)), _checked(recording_rate, wording)
     with _opened(name, path) as file:
@@ -370,13 +371,13 @@ def read_columns(
 
 
 def _listed(column: str) -> list[str]:
-    """Return the three names in a text, or the text as the one name: a title may have commas."""
+    """Return the three names in a text, or else the text as one name, which may have commas."""
     names = [each.strip() for each in column.split(",")]
     return names if len(names) == AXES and all(names) else [column]
 
 
 def check_rate(name: str, own: float, stated: float, wording: tables.Wording) -> None:
-    """Reject a stated rate that contradicts that in a file; 0 is not stated."""
+    """Reject a stated rate that contradicts a file's rate; 0 means not stated."""
     if stated and not math.isclose(stated, own, rel_tol=sampling.RATE_TOLERANCE):
         raise ParameterError(
             f"{wording.rate} = {stated:g}: must be 0 or {own:g} Hz as {name} says"
@@ -394,7 +395,7 @@ def _signals(
     rate: float,
     wording: tables.Wording,
 ) -> tuple[FloatArray, float]:
-    """Return signals that are long enough without outliers, shape (n, signals), and their rate."""
+    """Return signals without outliers, shape (n, signals), and their rate; reject short ones."""
     samples = len(found[0])
     if not rate:
         raise ParameterError(
@@ -440,34 +441,35 @@ LEAST_SAMPLES = 10
 """Minimum number of samples at an extreme of a saturated signal."""
 
 PILED = 4
-"""Minimum ratio of the number of samples at an extreme to those at each of the `BESIDE` values
-nearest to it; a sinusoid in steps of a converter has 2.4."""
+"""Minimum ratio of the number of samples at an extreme to the number at each of the `BESIDE`
+nearest values; a sinusoid in steps of a converter has 2.4."""
 
 BESIDE = 5
 
 DIGITS = 9
-"""Decimal places of full range to which values are equal: far finer than any converter."""
+"""Decimal places, relative to full range, to which equal values agree: far finer than any
+converter."""
 
 LEAST_RUNS = 50
-"""Minimum number of values whose lengths show that a sensor is slower than its file."""
+"""Minimum number of held values that show that a sensor is slower than its file."""
 
 HELD = 1.5
-"""Minimum mean number of samples per value of a slower sensor."""
+"""Minimum mean number of samples per held value for a slower sensor."""
 
 UNLIKE = 100.0
-"""Ratio of the standard deviations of two axes from which on the smaller one is told: 40 dB."""
+"""Ratio of the standard deviations of two axes above which a message is logged: 40 dB."""
 
 
 def cleaned(name: str, samples: FloatArray, rate: float) -> FloatArray:
-    """Replace the outliers of a signal, and tell the user of them and of its sensor's limits.
+    """Replace the outliers of a signal, and log them and the sensor's limits.
 
-    Values of a slower sensor last equally long but for one sample; those of a quiet sensor in
-    steps of its converter do not.
+    The values of a slower sensor have equal durations, within one sample. The values of a quiet
+    sensor, which change in steps of its converter, do not.
 
     Raises
     ------
     ParameterError
-        There are too many outliers, see `without_outliers`.
+        There are too many outliers; see `without_outliers`.
     """
     samples, rejected = without_outliers(name, samples)
     if rejected:
@@ -488,7 +490,7 @@ def cleaned(name: str, samples: FloatArray, rate: float) -> FloatArray:
 
 
 def tell_unlike(axes: Mapping[str, FloatArray]) -> None:
-    """Tell the user of axes of an acceleration, by name, that are much smaller than the others."""
+    """Log axes of an acceleration, by name, that are much weaker than the other axes."""
     spreads = {name: float(each.std()) for name, each in axes.items()}
     for name, spread in spreads.items():
         if UNLIKE * spread <= (largest := max(spreads.values())) > 0:
@@ -499,7 +501,7 @@ def tell_unlike(axes: Mapping[str, FloatArray]) -> None:
 
 
 def _piled(samples: FloatArray) -> Iterator[tuple[float, int]]:
-    """Yield the extremes that many more samples have than the values beside them."""
+    """Yield the extremes that are much more frequent than the neighbouring values."""
     scale = float(np.ptp(samples)) or 1.0
     values, counts = np.unique(np.round(samples / scale, DIGITS), return_counts=True)
     for at, beside in ((0, counts[1 : BESIDE + 1]), (-1, counts[-BESIDE - 1 : -1])):

@@ -59,7 +59,7 @@ def read_heights(path: Path, sampling: Sampling) -> HeightField:
     Raises
     ------
     ParameterError
-        The file cannot be read, or is no such table.
+        The file cannot be read, or is not such a table.
     """
     with located(path, "must be an array of numbers"):
         heights = read_array(path)
@@ -69,16 +69,16 @@ def read_heights(path: Path, sampling: Sampling) -> HeightField:
 def read_mesh(path: Path, sampling: Sampling) -> DistanceGrid:
     """Read a mesh as a distance grid.
 
-    This takes up to half a minute. The result is stored beside the mesh, in a file that ends in
-    .npz.
+    This takes up to half a minute. The result is stored in the mesh's folder, in a file that ends
+    in .npz.
 
     Parameters
     ----------
     path : Path
-        STL, OBJ or another file readable by trimesh; the mesh must enclose a volume. Bodies that
-        overlap are united.
+        STL, OBJ or another file readable by trimesh; the mesh must enclose a volume. Overlapping
+        bodies are united.
     sampling : Sampling
-        Distance between two samples, at most half of the thinnest part; and the unit.
+        Distance between two samples, at most half of the thinnest part; and the file's unit.
 
     Raises
     ------
@@ -95,9 +95,9 @@ def read_mesh(path: Path, sampling: Sampling) -> DistanceGrid:
         if str(found["source"]) == source:
             return _grid(path, found, sampling)
     except (OSError, ValueError, KeyError):
-        pass  # missing or damaged
+        pass  # the stored grid is missing or damaged
     baked = _baked(path, sampling)
-    with suppress(OSError):  # in a read-only folder the grid is computed each time
+    with suppress(OSError):  # a read-only folder: compute the grid each time
         np.savez_compressed(kept, source=source, **baked)
     return _grid(path, baked, sampling)
 
@@ -168,7 +168,7 @@ def read_scene(path: Path) -> Scene:
 
 
 def is_scene(name: str) -> bool:
-    """Return whether a name is a scene's or a scene file's, rather than a surface's."""
+    """Return whether a name is that of a scene or a scene file, not of a surface."""
     try:
         return not read_yaml_document(preset_file("scene", name)).mapping().keys().isdisjoint(KEYS)
     except parameters.ParameterError:

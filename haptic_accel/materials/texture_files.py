@@ -37,7 +37,7 @@ MOST_MEMBERS = 64
 """Maximum number of arrays in a file."""
 
 LONGEST_DIRECTORY = 1 << 16
-"""Maximum size of the table of contents, bytes: a thousand per array."""
+"""Maximum size of the table of contents, bytes: a thousand bytes per array."""
 
 LONGEST_HEADER = 10_000
 """Maximum size of an array's header, bytes; equal to the limit of NumPy's readers."""
@@ -58,9 +58,9 @@ def read_array(path: Path) -> Array:
     Raises
     ------
     OSError
-        As for `core.bounded_files.opened`.
+        See `core.bounded_files.opened` for the conditions.
     ValueError
-        The file is no NPY file, or is too large.
+        The file is not an NPY file, or is too large.
     """
     return _read(path, lambda content: _array(io.BytesIO(content), LARGEST_FILE))
 
@@ -71,9 +71,9 @@ def read_arrays(path: Path) -> dict[str, Array]:
     Raises
     ------
     OSError
-        As for `core.bounded_files.opened`.
+        See `core.bounded_files.opened` for the conditions.
     ValueError
-        The file is no NPZ file, or has too many or too large arrays.
+        The file is not an NPZ file, or has too many or too large arrays.
     """
     return _read(path, _arrays)
 
@@ -89,7 +89,7 @@ def _read(path: Path, read: Callable[[bytes], T]) -> T:
 def _arrays(content: bytes) -> dict[str, Array]:
     mark, *_, directory, _, comment = _END.unpack(content[-_END.size :])
     if mark != b"PK\5\6" or comment or content[-_END.size - 20 :].startswith(b"PK\6\7"):
-        # With a comment, or the format for more than 4 GB, the size could be stated elsewhere.
+        # With a comment, or in the format for more than 4 GB, the size could be stated elsewhere.
         raise ValueError("it must end as a ZIP file without a comment")
     if directory > LONGEST_DIRECTORY:
         raise ValueError(f"its table of contents has more than {LONGEST_DIRECTORY} bytes")
@@ -118,7 +118,7 @@ def _array(stream: IO[bytes], most_bytes: int) -> Array:
         raise ValueError(f"format version {version} is not supported")
     read = getattr(np.lib.format, f"read_array_header_{version[0]}_0")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # from Python 2, or for unusual text in the header
+        warnings.simplefilter("ignore")  # about Python 2, or unusual text in the header
         shape, is_fortran, kind = read(header, max_header_size=LONGEST_HEADER)
     if kind.kind not in KINDS or kind.subdtype:
         raise ValueError(f"values of type {str(kind)[:40]} are not supported")
@@ -142,15 +142,15 @@ UNITS = {
     **{"rate": "Hz", "speeds": "m/s", "forces": "N", "deviation": "m/s^2"},
     **dict.fromkeys(("lsf", "ma_lsf"), "rad/sample"),
 }
-"""Units of the numbers in a file, which are stated there."""
+"""Units of the numbers in a file, as stated in the file."""
 
 ARRAYS = ("speeds", "forces", "deviation", "gain", "lsf", "ma_lsf")
 OPTIONAL = ("gain", "ma_lsf", "coulomb_friction")
 NAMES = ("name", "rate", "units", "provenance", "coulomb_friction", *ARRAYS)
 
 DIGITS = 7
-"""Significant digits of numbers in a YAML file; the rounding error is a tenth of single
-precision's."""
+"""Significant digits of numbers in a YAML file; the rounding error is a tenth of that of single
+precision."""
 
 
 def read_texture(path: Path) -> TextureModel:
@@ -187,7 +187,7 @@ def write_texture(path: Path, model: TextureModel) -> None:
         if path.suffix == ".npz":
             np.savez_compressed(path, about=yaml.safe_dump(about, sort_keys=False), **arrays)
         else:
-            # Rows of numbers in one line each.
+            # Write each row of numbers in one line.
             options: dict[str, Any] = {
                 "sort_keys": False,
                 "default_flow_style": None,
@@ -203,7 +203,7 @@ def _rounded(arrays: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_npz(path: Path) -> Document:
-    """Return the arrays of a file by name, and the YAML data in its text ``about``.
+    """Return the arrays of a file by name, with the YAML data in its text ``about``.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measures of two accelerations: delay, error, direction, discrimination, reductions to one axis.
+"""Metrics of two accelerations: delay, error, direction, discrimination, reductions to one axis.
 
 The paper is McMahan and Kuchenbecker, "Haptic display of realistic tool contact via dynamically
 compensated control of a dedicated actuator", IROS 2009.
@@ -14,21 +14,21 @@ Discrimination: `indistinguishable` is the share of an acceleration whose streng
 distinguish from the desired one.
 
 Desired and actual acceleration are cut into cells of half a second and a third of an octave. A
-cell counts if a hand would feel one of the two. The hand could not tell them apart there if their
-levels differ by less than the smallest difference that people notice. False vibration, where none
-is desired, and missing vibration count as told.
+cell counts if a hand would perceive at least one of the two. They are indistinguishable in a cell
+if their levels differ by less than the just noticeable difference. False vibration, where none is
+desired, and missing vibration count as distinguishable.
 
-The share compares strength by frequency and time, and nothing else. It ignores phase and waveform:
+The share only compares strength by frequency and time. It ignores phase and waveform:
 an inverted or slightly delayed copy has a share of 1, and an unrelated noise of the same spectrum
 up to two thirds. It also ignores masking, adaptation and practice. The NRMSE covers phase and
 waveform.
 
-The power of all axes of a vector is added in each cell, as if the hand felt the strength of a
+The power of all axes of a vector is added in each cell, as if the hand perceived the strength of a
 vibration regardless of its direction. DFT321 assumes the same (Landin, Romano, McMahan,
 Kuchenbecker, EuroHaptics 2010). It is an approximation: direction is among the causes for which
-Brisben, Hsiao and Johnson (J. Neurophysiol. 81, 1999) found different thresholds, and people told
-vibration in three axes from its reductions to one (Lee, Tombak, Park, Kuchenbecker, IEEE
-Transactions on Haptics 15(3), 2022). `direction_error` covers the direction.
+Brisben, Hsiao and Johnson (J. Neurophysiol. 81, 1999) found different thresholds, and people
+distinguished vibration in three axes from its reductions to one axis (Lee, Tombak, Park,
+Kuchenbecker, IEEE Transactions on Haptics 15(3), 2022). `direction_error` covers the direction.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ LONGEST_DELAY = 20e-3
 """Maximum lag searched, either way, s: twenty times the paper's, one period of 50 Hz."""
 
 FRACTION_EDGE = 32
-"""Samples dropped at both ends after a shift by a fraction of a sample, as interpolation needs
-neighbours on both sides."""
+"""Number of samples dropped at each end after a shift by a fraction of a sample, as interpolation
+needs neighbours on both sides."""
 
 ALIKE = 0.3
 """Minimum correlation for a delay. Below it, less than a tenth of the power is common, perhaps due
@@ -207,10 +207,10 @@ def aligned(
     Raises
     ------
     ValueError
-        As for `shift_back`.
+        See `shift_back` for the conditions.
     """
-    # Whole samples first, so that the filter begins and ends at the same motion in both; the rest
-    # behind it, as gravity cannot be interpolated at the ends.
+    # Shift by whole samples before the filter, so that both signals start and end at the same
+    # motion. Shift by the rest after the filter, as gravity cannot be interpolated at the ends.
     whole = round(delay * rate) / rate
     pair = shift_back(desired, handle, rate, whole)
     return shift_back(*comparable(*pair, high_pass_frequency, rate), rate, delay - whole)
@@ -220,7 +220,7 @@ def _advanced(values: FloatArray, samples: float) -> FloatArray:
     """Shift a signal to earlier times by a fraction of a sample."""
     from scipy import fft
 
-    # A length without large prime factors: others take many times as long.
+    # The FFT is many times slower for lengths with large prime factors.
     length = fft.next_fast_len(len(values) + FRACTION_EDGE, real=True)
     spectrum = fft.rfft(values.T, length)
     turned = spectrum * np.exp(2j * np.pi * np.arange(spectrum.shape[-1]) / length * samples)
@@ -269,7 +269,7 @@ DIRECTION_SHARE = 0.5
 """Minimum length of a desired acceleration whose direction counts, as a fraction of its root mean
 square (assumed). Shorter vectors occur at zero crossings, where noise turns the actual one."""
 
-_FEWEST_SEGMENTS = 4  # without overlap; the coherence of a single segment is always 1
+_FEWEST_SEGMENTS = 4  # not overlapping; the coherence of a single segment is 1
 
 
 @dataclass(frozen=True)
@@ -533,7 +533,7 @@ def evaluate_axes(desired: FloatArray, actual: FloatArray, rate: float) -> list[
     Raises
     ------
     ValueError
-        As for `evaluate`.
+        See `evaluate` for the conditions.
     """
     least = QUIET_SHARE * float(np.sum(desired**2))
     return [
@@ -546,8 +546,8 @@ def direction_error(desired: FloatArray, actual: FloatArray) -> float:
     """Return the median angle between actual and desired acceleration.
 
     Only samples count whose desired acceleration is at least `DIRECTION_SHARE` of its root mean
-    square. The angle is that of vectors, 0 to 180 degrees: an inverted vibration has 180. As a
-    line it would have 0, although handle and tool then move in opposite ways.
+    square. The angle is between vectors, 0 to 180 degrees, and 180 for an inverted vibration. An
+    angle between lines would be 0 although handle and tool move in opposite directions.
 
     Parameters
     ----------
@@ -583,12 +583,12 @@ def direction_error(desired: FloatArray, actual: FloatArray) -> float:
 
 
 def components(values: FloatArray) -> list[FloatArray]:
-    """Return the components of a signal, shape (n,) each: the signal itself if it has one axis."""
+    """Return the components of a signal, shape (n,) each; for one axis, the signal itself."""
     return [values] if values.ndim == 1 else [np.ascontiguousarray(one) for one in values.T]
 
 
 def by_component(function: Callable[[FloatArray], FloatArray], values: FloatArray) -> FloatArray:
-    """Return a signal whose components are those of another one after a function of one axis."""
+    """Apply a function of one axis to each component of a signal."""
     found = [function(one) for one in components(values)]
     return found[0] if values.ndim == 1 else np.column_stack(found)
 
@@ -599,7 +599,7 @@ def lengths(values: FloatArray) -> FloatArray:
 
 
 def _without_mean(values: FloatArray) -> FloatArray:
-    """Subtract the mean of each axis; a constant gives exact zeros without rounding errors."""
+    """Subtract the mean of each axis; a constant signal gives exact zeros."""
     return np.where(np.ptp(values, axis=0) == 0.0, 0.0, values - np.mean(values, axis=0))
 
 
@@ -609,7 +609,7 @@ def check_pair(desired: FloatArray, actual: FloatArray, fewest: int = 1) -> None
     Raises
     ------
     ValueError
-        They differ in length or axes, have fewer than `fewest` samples or more than two
+        The signals differ in length or axes, have fewer than `fewest` samples or more than two
         dimensions, or hold NaN, infinity or a huge value.
     """
     for name, values in (("desired", desired), ("actual", actual)):
@@ -655,7 +655,7 @@ class Band:
 
 
 def bands(rate: float) -> tuple[Band, ...]:
-    """Return the bands up to half a sampling rate in Hz, where the last one ends."""
+    """Return the bands up to half the sampling rate, which ends the last band; rate in Hz."""
     half = rate / 2
     edges = [edge for edge in BAND_EDGES if edge < half] + [min(half, BAND_EDGES[-1])]
     edges = list(dict.fromkeys(edges))
@@ -688,7 +688,7 @@ def band_nrmse(
     Raises
     ------
     ValueError
-        As for `metrics.spectra`.
+        See `spectra` for the conditions.
     """
     found = spectra(desired, actual - desired, rate)
     desired_power, wrong = found.desired**2, found.actual**2
@@ -711,15 +711,16 @@ posture", IROS 2006: 10 people, sines of 1 s along the stylus, 10 to 500 Hz. The
 at 10 Hz, 8.5 um at 20 Hz, a mean slope of -13 dB per octave from 10 to 160 Hz, which gives
 0.065 um at 160 Hz, and the minimum, 0.06 um at 320 Hz. These numbers come from a summary of the
 paper (github.com/adambickerdike/Stabilisation_Pen, HAP-27); its figure, with the value at 500 Hz,
-was not available. Beyond 320 Hz the minimum is used, so that a cell counts rather too early.
+was not available. Beyond 320 Hz the minimum is used, so that too many cells count rather than too
+few.
 """
 
 JUST_NOTICEABLE = 2.2
-"""Smallest difference of two vibrations' levels that people notice, dB.
+"""Just noticeable difference of vibration level, dB.
 
 Israr et al., "Tactual frequency and amplitude discrimination with fixed and roving background",
 HAPTICS 2006, 10.1109/HAPTIC.2006.1627110: 2.2 to 2.5 dB for sines of 2 to 200 Hz at the fingertip,
-20 to 35 dB above threshold; more beside another vibration.
+20 to 35 dB above threshold; more if another vibration is present.
 """
 
 CELL = 0.5
@@ -743,8 +744,8 @@ def detection_threshold(frequency: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray, shape (n,)
-        Root mean square of a sine, m/s^2. Between and beyond the points of `DETECTION` the
-        displacement is interpolated in logarithms of both, and kept.
+        Root mean square of a sine, m/s^2. Between the points of `DETECTION`, log displacement is
+        interpolated over log frequency; beyond them, the displacement is constant.
 
     Examples
     --------
@@ -815,15 +816,15 @@ def _powers(signal: FloatArray, centres: FloatArray, rate: float) -> FloatArray:
 
 
 LIVE_PRINCIPAL = "principal, live"
-"""Name of the row of `PrincipalDirection`; the other live reductions are also those of a whole
-recording."""
+"""Name of the reduction by `PrincipalDirection`. All other reductions are the same live and for a
+whole recording."""
 
 
 def kept_powers(acceleration: FloatArray, rate: float) -> dict[str, float]:
     """Return the power that each reduction to one signal keeps of a vibration in three axes.
 
-    It is relative to the power of all three axes, above the compensation's high-pass, which also
-    removes motion of the hand and gravity: 1 where nothing is lost, NaN without vibration.
+    The power is relative to that of all three axes, above the compensation's high-pass, which also
+    removes hand motion and gravity; 1 if nothing is lost, NaN without vibration.
 
     Parameters
     ----------

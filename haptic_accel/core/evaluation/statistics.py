@@ -44,12 +44,12 @@ FEWEST_RANKED = 6
 """Minimum number of pairs for which Wilcoxon's test can give less than 5 %: 2 / 2^6 is 3 %."""
 
 EXACT = 15
-"""Largest number of values for which all flips of signs are tried: 2^15."""
+"""Largest number of values for which all 2^n flips of signs are tried."""
 
 FLIPS = 9999
-"""Number of random flips of signs beyond; a probability of 5 % is then exact to 0.2 %."""
+"""Number of random flips of signs for more values; a probability of 5 % is then exact to 0.2 %."""
 
-_HIGHEST_EXPONENT = 300.0  # of e, without overflow
+_HIGHEST_EXPONENT = 300.0  # maximum exponent of e without overflow
 
 _SEED = 0  # fixed, so that an analysis always has the same result
 
@@ -113,11 +113,11 @@ def mean_interval(
 ) -> Interval:
     """Return the mean of independent values with an interval that stays within their range.
 
-    Student's interval on the logarithm of the mean's distance from one end of the range, or on its
+    Student's interval on the logarithm of the mean's distance from one end of the range, or of its
     logit between two ends; the standard error is transformed by the derivative (delta method).
-    Without ends it is Student's own. Unlike that one, it also covers skewed values nearly as often
-    as it should. Values that are not finite are ignored. Fewer than `FEWEST` values have no
-    interval; the mean of no values is NaN.
+    Without ends it is Student's own. Unlike Student's own interval, it has nearly the nominal
+    coverage also for skewed values. Values that are not finite are ignored. Fewer than `FEWEST`
+    values have no interval; the mean of no values is NaN.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def paired_difference(
     Parameters
     ----------
     first, second : sequence of float, the same length
-        Value of each pair under either condition; finite.
+        Values of each pair under the two conditions; finite.
     alternative : str
         Alternative hypothesis for second minus first.
 
@@ -241,10 +241,10 @@ def paired_difference(
 
 
 def flipped_signs(differences: FloatArray, alternative: Alternative = "two-sided") -> float:
-    """Return the share of flips of signs whose sum is at least as extreme as the found one.
+    """Return the share of sign flips whose sum is at least as extreme as the observed sum.
 
-    All flips up to `EXACT` differences, else `FLIPS` random ones (Fisher, "The Design of
-    Experiments", 1935). NaN for fewer than `FEWEST` differences.
+    Up to `EXACT` differences all flips are tried, otherwise `FLIPS` random ones (Fisher, "The
+    Design of Experiments", 1935). NaN for fewer than `FEWEST` differences.
     """
     if len(differences) < FEWEST:
         return math.nan
@@ -259,7 +259,7 @@ def flipped_signs(differences: FloatArray, alternative: Alternative = "two-sided
 
 @cache
 def _signs(n: int) -> FloatArray:
-    """Return flips of the signs of n values, in rows; the first flips none."""
+    """Return sign patterns of n values, in rows; the first row flips no sign."""
     if n <= EXACT:
         return np.array(list(product((1.0, -1.0), repeat=n)))
     drawn = np.random.default_rng(_SEED).choice((1.0, -1.0), (FLIPS, n))
@@ -269,11 +269,11 @@ def _signs(n: int) -> FloatArray:
 def _signed_ranks(differences: FloatArray, alternative: Alternative) -> float:
     """Return the probability of Wilcoxon's test; differences of zero are left out.
 
-    Few differences are flipped here, because scipy takes a second for each test with ties.
+    For few differences all flips are tried here, because scipy takes a second per test with ties.
     """
     from scipy import stats
 
-    # Proportions that differ equally do so up to rounding errors.
+    # Equal differences of proportions may differ by rounding errors.
     rounded = np.round(differences / np.max(np.abs(differences)), 9)
     varied = rounded[rounded != 0]
     if not FEWEST <= len(varied) <= EXACT:

@@ -3,7 +3,8 @@
 
 """Estimates of the handle's frequency response from recorded force and acceleration.
 
-A discrete rational model, fitted to the recording itself, shows what the physical model lacks.
+A discrete rational model, fitted to the recording itself, also includes dynamics that the physical
+model lacks.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ Band = tuple[float, float]
 Values = TypeVar("Values", FloatArray, ComplexArray)
 
 SEGMENT_SECONDS = 0.5
-"""Length of the segments of averaged estimates, s: lines 2 Hz apart."""
+"""Length of the segments of averaged estimates, s; the spectral lines are 2 Hz apart."""
 
 SMALLEST_FORCE = 0.01
 """Minimum root mean square of the excitation force, N (assumed; a dozen steps of the paper's
@@ -38,7 +39,7 @@ SMALLEST_COHERENCE = 0.7
 """Mean coherence over the band below which a recording is rejected (assumed; Table I with
 the paper's sweep and accelerometer has 0.99)."""
 
-_FEWEST_SEGMENTS = 4  # without overlap; the coherence of a single segment is always 1
+_FEWEST_SEGMENTS = 4  # not overlapping; the coherence of a single segment is 1
 
 NOISE_LINES = 25
 """Lines over which the noise is averaged. Two repeats give each line's noise with an uncertainty
@@ -47,11 +48,11 @@ of 100 %; for 25 lines it is 20 %. Noise is smooth in frequency."""
 _HANN_OVERLAP = 1.0 / 36.0
 """Squared correlation of Hann-windowed segments that overlap by half (Welch 1967)."""
 
-_AT_RANGE = 0.999  # of full range: a converter's last step may lie slightly below
+_AT_RANGE = 0.999  # relative to full range: a converter's last step may be slightly less
 
 
 SMALLER = {"start_amplitude": 0.5, "end_amplitude": 0.5}
-"""Factors of a sweep's parameters after too much travel, force or acceleration."""
+"""Factors that reduce a sweep's parameters after excessive travel, force or acceleration."""
 
 
 class RecordingError(ValueError):
@@ -60,9 +61,9 @@ class RecordingError(ValueError):
     Parameters
     ----------
     reason : str
-        One line.
+        Reason for the rejection, one line.
     factors : mapping of str to float, optional
-        Factors by which another recording has to change arguments of this one, where known.
+        Factors to apply to the sweep's parameters for the next recording, where known.
     """
 
     def __init__(self, reason: str, factors: Mapping[str, float] | None = None) -> None:
@@ -166,7 +167,7 @@ def dft_ratio(
     return FrequencyResponse(frequency[inside], response[inside], coherence, rate, float(repeats))
 
 
-_WEAKEST_LINE = 1e-6  # share of the strongest line's power; below are only rounding errors
+_WEAKEST_LINE = 1e-6  # share of the strongest line's power; weaker lines are rounding errors
 
 
 def h1(force: FloatArray, acceleration: FloatArray, rate: float, band: Band) -> FrequencyResponse:
@@ -281,7 +282,7 @@ def check_range(acceleration: FloatArray, acceleration_range: float, axis: str =
     acceleration_range : float
         Maximum acceleration of the sensor's range, both ways, m/s^2.
     axis : str
-        Begin of the message.
+        Beginning of the message.
 
     Raises
     ------
@@ -321,7 +322,7 @@ def _ratio(numerator: Values, denominator: FloatArray) -> Values:
 
 
 def smoothed(values: Values) -> Values:
-    """Return the moving average over `NOISE_LINES`, or fewer at the ends."""
+    """Return the moving average over `NOISE_LINES` lines, or fewer at the ends."""
     window = np.ones(min(NOISE_LINES, len(values)))
     counts = np.convolve(np.ones(len(values)), window, "same")
     return np.convolve(values, window, "same") / counts

@@ -35,36 +35,37 @@ DISCRETE_ORDER = 7
 """Order of the discrete model: eq. (3) has 4, the accelerometer 1, its mount 2."""
 
 UNEXPLAINED = 2.0
-"""Residual with a rigid mount, in standard deviations of the noise, above which a mode that halves
-it is taken for certain."""
+"""Residual with a rigid mount, in standard deviations of the noise, above which a mount mode that
+halves it is considered certain."""
 
 UNDECIDED = 3.0
 """Twice the logarithm of the likelihood ratio above which a mode of the mount is not excluded (a
 fifth of the rigs without a mode, by the chi-squared distribution with two degrees of freedom)."""
 
 WIDEST = 0.5
-"""Half width of an interval, relative to the value, above which a parameter is doubtful
+"""Half width of an interval, relative to the value, above which a parameter causes a warning
 (assumed)."""
 
 LARGEST_MISFIT = 0.1
-"""Error of the model, relative to the acceleration, above which the fit is doubtful (assumed)."""
+"""Error of the model, relative to the acceleration, above which the fit causes a warning
+(assumed)."""
 
 USUAL_MASSES = 0.005, 1.0
-"""Range of masses of a handle with hand above and below which units are doubtful, kg: Table I has
-0.128 kg; a stylus alone weighs some grams, and a hand that moves with a handle less than half a
-kilogram."""
+"""Range of plausible masses of handle and hand, kg; a mass outside it suggests a wrong unit. Table
+I has 0.128 kg; a stylus alone weighs some grams, and a hand that moves with a handle less than
+half a kilogram."""
 
 DEFAULT_FREE = (*OF_RESPONSES, "friction")
-"""Fitted parameters."""
+"""Parameters that are fitted by default."""
 
 GRIP_STAGES = ("response", "mount", "dry friction")
 """Stages of the evaluation of a grip."""
 
 LAST_STAGES = ("fit of all grips", "discrete model")
-"""Stages after the grips."""
+"""Stages that follow the evaluation of all grips."""
 
 Tell = Callable[[str], None]
-"""Function that is called with the name of each stage as it begins."""
+"""Callback that receives the name of each stage as it begins."""
 
 Fit = Callable[..., HandleFit]
 """Function `fit_handle` with the accelerometer and the known parameters already set."""
@@ -88,7 +89,7 @@ class GripIdentification:
     fit : HandleFit
         Physical parameters from all trials together.
     undecided : tuple of str
-        Reasons to doubt the choice of the model.
+        Warnings about the choice of the model.
     """
 
     trials: list[sweeps.IdentificationTrial]
@@ -100,7 +101,7 @@ class GripIdentification:
 
     @property
     def doubts(self) -> list[str]:
-        """Reasons to doubt the fit, one line each; empty if there is none."""
+        """Warnings about the fit, one line each; empty if there are none."""
         return [*self.undecided, *fit_doubts(self.fit)]
 
 
@@ -130,7 +131,7 @@ class Identification:
 
     @property
     def outliers(self) -> list[str]:
-        """Lines on the grips with outliers in the acceleration; empty if there are none."""
+        """Outliers in the acceleration, one line per grip; empty if there are none."""
         return [
             f"{name}: {line}"
             for name, grip in self.grips.items()
@@ -139,7 +140,7 @@ class Identification:
 
     @property
     def doubts(self) -> list[str]:
-        """Reasons to doubt the fits of the grips, one line each; empty if there is none."""
+        """Warnings about the fits of the grips, one line each; empty if there are none."""
         return [f"{name}: {doubt}" for name, grip in self.grips.items() for doubt in grip.doubts]
 
 
@@ -169,14 +170,14 @@ def identify_handle(
     free : sequence of str
         Names of the fitted parameters, as in `fit_handle`, and ``"friction"``.
     tell : callable
-        Called with the name of each of the `stages` as it begins; some may be left out.
+        Callback with the name of each of the `stages` as it begins; some stages may be skipped.
 
     Raises
     ------
     RecordingError
         A recording is not suitable; the message gives the reason.
     ParameterError
-        No trial is given, or a parameter is out of range.
+        There is no trial, or a parameter is out of range.
     """
     if not recorded or not all(recorded.values()):
         raise ParameterError("recorded: must hold at least one trial of every grip")
@@ -221,12 +222,12 @@ def _stage(grip: str, stage: str) -> str:
 
 
 def telling(tell: Tell, grip: str) -> Tell:
-    """Return a function that adds the name of a grip or axis to that of a stage."""
+    """Return a callback that adds the name of a grip or axis to the name of a stage."""
     return lambda stage: tell(_stage(grip, stage))
 
 
 def outliers(trials: Sequence[sweeps.IdentificationTrial]) -> list[str]:
-    """Return a line on the outliers in the acceleration; empty if there are none."""
+    """Return a message about outliers in the acceleration; empty if there are none."""
     samples = sum(trial.handle_acceleration.size for trial in trials)
     count = sum(trial.counters[sweeps.OUTLIERS] for trial in trials)
     line = f"{count} of {samples} samples of handle_acceleration are outliers: replaced by"
@@ -234,7 +235,7 @@ def outliers(trials: Sequence[sweeps.IdentificationTrial]) -> list[str]:
 
 
 def centred(values: FloatArray) -> FloatArray:
-    """Return values without their mean, which is gravity and the sensor's offset."""
+    """Subtract the mean, which consists of gravity and the sensor's offset."""
     return np.asarray(values - values.mean())
 
 
@@ -272,7 +273,7 @@ def choose_fit(
     free: Sequence[str],
     tell: Tell = lambda _: None,
 ) -> tuple[HandleFit, tuple[str, ...]]:
-    """Fit a handle with a rigid mount and with one that has a mode; return the better fit.
+    """Fit a handle with a rigid mount and with a resonant mount; return the better fit.
 
     Parameters
     ----------
@@ -283,17 +284,17 @@ def choose_fit(
     sweep : SweepParameters
         Band, period and repeats of the trials.
     fit : callable
-        As `fit_handle`.
+        Function with the signature of `fit_handle`.
     free : sequence of str
         Names of the fitted parameters.
     tell : callable
-        Called with the second and third of `GRIP_STAGES` as they begin.
+        Callback with the second and third of `GRIP_STAGES` as they begin.
 
     Returns
     -------
     HandleFit
     tuple of str
-        Reasons to doubt the choice.
+        Warnings about the choice of the model.
     """
     _, mount, friction = GRIP_STAGES
     of_responses = [name for name in free if name != "friction"]
@@ -328,12 +329,12 @@ def check_determined(grip: str, fit: HandleFit) -> None:
 
 
 def fit_doubts(fit: HandleFit) -> list[str]:
-    """Return reasons to doubt a fit, one line each; empty if there is none."""
+    """Return warnings about a fit, one line each; empty if there are none."""
     return [*_unusual(fit), *_wide(fit), *_misfit(fit)]
 
 
 def _unusual(fit: HandleFit) -> Iterator[str]:
-    """Yield a doubt if the handle's mass is that of no handle, as with another unit."""
+    """Yield a warning if the mass is implausible for a handle, for example due to a wrong unit."""
     low, high = USUAL_MASSES
     if not low <= fit.handle.m_h <= high:
         yield (
@@ -344,7 +345,7 @@ def _unusual(fit: HandleFit) -> Iterator[str]:
 
 
 def _wide(fit: HandleFit) -> Iterator[str]:
-    """Yield a doubt if the intervals of some parameters of the handle are wide."""
+    """Yield a warning if parameters of the handle have wide confidence intervals."""
     wide = [
         f"{name} = {fit.value(name):.3g} \N{PLUS-MINUS SIGN} {INTERVAL * error:.2g}"
         for name, error in fit.standard_errors.items()
@@ -358,7 +359,7 @@ def _wide(fit: HandleFit) -> Iterator[str]:
 
 
 def _misfit(fit: HandleFit) -> Iterator[str]:
-    """Yield a doubt if the model lacks a large part of the recorded motion."""
+    """Yield a warning if the model does not explain a large part of the recorded motion."""
     beyond_noise = math.sqrt(max(0.0, 1.0 - 1.0 / max(fit.residual, 1.0) ** 2))
     share = fit.relative_residual * beyond_noise
     if share > LARGEST_MISFIT:
@@ -375,7 +376,7 @@ def _obvious(rigid: HandleFit, moving: HandleFit) -> bool:
 
 
 def _at_limit(moving: HandleFit) -> bool:
-    """Return whether the mode of a mount is at a limit of the search, and thus none."""
+    """Return whether the mode of a mount is at a limit of the search, and thus does not exist."""
     return not set(MOUNT).isdisjoint(moving.limited)
 
 
@@ -386,7 +387,7 @@ def _gain(rigid: HandleFit, moving: HandleFit) -> float:
 
 
 def _chosen(rigid: HandleFit, moving: HandleFit) -> tuple[HandleFit, tuple[str, ...]]:
-    """Return the better of two fits, or the simpler one with a doubt.
+    """Return the better of two fits, or the simpler one with a warning.
 
     By the Bayesian information criterion (Schwarz, Annals of Statistics 6, 1978), a parameter must
     raise twice the log-likelihood by the logarithm of the number of values. With less, the
@@ -412,12 +413,12 @@ def _chosen(rigid: HandleFit, moving: HandleFit) -> tuple[HandleFit, tuple[str, 
 def _pooled(grips: Sequence[GripIdentification], fit: Fit, free: Sequence[str]) -> HandleFit:
     """Fit one handle to several grips, as a compromise.
 
-    The standard deviation of a line is the difference between the grips, not the noise. With
-    weights from noise, the few lines with the least noise would dominate.
+    The standard deviation of a spectral line is the difference between the grips, not the noise.
+    With weights from noise, the few lines with the least noise would dominate.
     """
     if len(grips) == 1:
         return grips[0].fit
-    # Use the models of the grips, not the measurements, as they exclude dry friction.
+    # Use the models of the grips, not the measurements: the models exclude dry friction.
     models = [_modelled(grip) for grip in grips]
     means = [model.response for model in models]
     spread = np.sqrt(np.mean(np.abs(means - np.mean(means, axis=0)) ** 2, axis=0) / 2)
@@ -441,7 +442,7 @@ def _with_friction(found: HandleFit, fits: Sequence[HandleFit]) -> HandleFit:
     """Return a fit with the mean friction of other fits; the grip does not affect friction."""
     if not all("friction" in fit.standard_errors for fit in fits):
         return found
-    # The errors of the model are common to all, so the mean has no smaller error.
+    # The model's errors are common to all fits, so averaging does not reduce the error.
     error = fmean(fit.standard_errors["friction"] for fit in fits)
     return replace(
         found,

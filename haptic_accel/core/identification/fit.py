@@ -22,10 +22,10 @@ from haptic_accel.core.parameters import ParameterError
 # scipy.optimize and scipy.linalg are slow to import: only a fit needs them.
 
 DEFAULT_FREE = ("b_s", "m_h", "k_u", "b_u", "delay")
-"""Fitted parameters. Mass and spring of the actuator can be measured on the bench."""
+"""Fitted parameters. The actuator's mass and spring can be measured on the bench."""
 
 LONGEST_DELAY = 0.01
-"""Upper bound of a fitted delay, s: ten times the paper's."""
+"""Upper bound of a fitted delay, s: ten times the delay in the paper."""
 
 EARLIEST_DELAY = -0.001
 """Lower bound of a fitted delay, s: the sampling may occur after the stamp."""
@@ -34,7 +34,8 @@ MOUNT = ("mount_frequency", "mount_damping")
 """Optional fitted parameters: the mode of the accelerometer's mount."""
 
 FRICTION = ("friction", "slip_velocity", "friction_lag")
-"""Parameters of dry friction. They are fitted to the motion, as no response shows them."""
+"""Parameters of dry friction. They are fitted to the motion, as a frequency response does not show
+them."""
 
 INTERVAL = 1.96
 """Half width of a 95 % interval, in standard errors."""
@@ -45,23 +46,23 @@ HANDLE = tuple(field.name for field in fields(HandleParameters))
 _UNITS = {"delay": 1e-3, "friction": 0.01, "friction_lag": 1e-4}
 """Units, s and N, of the parameters that may be zero; all others use logarithms."""
 _REACH = math.log(1e3)  # a parameter is searched within this factor of its initial value
-_BOUNDS: dict[str, Any] = {  # in search units: the delay in its unit, the mount's as logarithms
+_BOUNDS: dict[str, Any] = {  # in search units: mount as logarithms
     "delay": (EARLIEST_DELAY / _UNITS["delay"], LONGEST_DELAY / _UNITS["delay"]),
-    "friction": (-0.02 / _UNITS["friction"], 10.0 / _UNITS["friction"]),  # below 0 due to noise
+    "friction": (-0.02 / _UNITS["friction"], 10.0 / _UNITS["friction"]),  # below 0 by noise
     "friction_lag": (-1e-3 / _UNITS["friction_lag"], 2e-3 / _UNITS["friction_lag"]),
-    "mount_frequency": np.log((20.0, 1990.0)),  # steps for slopes stay within 2000
+    "mount_frequency": np.log((20.0, 1990.0)),  # finite differences stay below 2000
     "mount_damping": np.log((0.011, 1.9)),
 }
-_START_FACTORS = {  # stiffness and damping of the grip vary that much between people
+_START_FACTORS = {  # grips vary by these factors between people
     **dict.fromkeys(("b_s", "m_h", "k_u", "b_u"), (0.3, 1.0, 3.0)),
     "mount_frequency": (0.7, 1.0, 1.4),
 }
 _START_DELAYS = 2.5e-4  # spacing, s: a sixth of a turn at 200 Hz would be 8e-4
 _START_LINES = 40  # lines in the search for initial values
 _NEAR = 1e-3  # samples by which an identified delay may be below a whole number
-_SETTLED = 7.0  # time constants until a low-pass follows a jump within 0.1 %
-_SHORT = 0.06  # maximum part of a sampling period for a low-pass that counts as absent
-_AT_LIMIT = 1e-4  # distance to a limit, in search variables, that counts as zero
+_SETTLED = 7.0  # number of time constants until a low-pass follows a jump within 0.1 %
+_SHORT = 0.06  # longest time constant, in sampling periods, that counts as no low-pass
+_AT_LIMIT = 1e-4  # distance, in search variables, that counts as at a limit
 
 
 @dataclass(frozen=True)
@@ -197,7 +198,7 @@ class Coordinates:
         return low, high
 
     def _continuous(self, delay: float, rate: float) -> tuple[float, float]:
-        """Return the range of the delay around a value, in its unit, without a jump.
+        """Return the range of the delay near a value, in search units, that contains no jump.
 
         If a force acts just before a sample instead of just after it, a sensor without low-pass
         reacts one sample earlier. A search with derivatives cannot cross this jump, nor should it
@@ -232,7 +233,7 @@ class Coordinates:
 
 @dataclass(frozen=True)
 class HandleFit(Point):
-    """Handle with the best fit to the responses.
+    """Handle model with the best fit to the responses.
 
     Attributes
     ----------
@@ -248,8 +249,8 @@ class HandleFit(Point):
         they are based on the Jacobian and the residual and include noise only. In `fit_motion`
         they also include the model's errors.
     residual : float
-        Root mean square of the error over the estimates' standard deviation; 1 for a complete
-        model.
+        Root mean square of the error over the estimates' standard deviation; 1 for a model without
+        systematic error.
     relative_residual : float
         Root mean square of |error| over |response|.
     band : tuple of float
@@ -272,14 +273,14 @@ class HandleFit(Point):
 
     @property
     def certain_friction(self) -> float:
-        """Dry friction, N; 0 for one that may be zero, as it must not be compensated."""
+        """Dry friction, N, to compensate; 0 if zero is within its interval."""
         friction = self.bearing.friction
         certain = friction > INTERVAL * self.standard_errors.get("friction", 0.0)
         return friction if certain else 0.0
 
     @property
     def deviates(self) -> bool:
-        """True if the residual exceeds that of noise by four of its standard deviations."""
+        """True if the residual exceeds that of pure noise by four standard deviations."""
         return self.residual > 1.0 + 4.0 / math.sqrt(2.0 * self.count)
 
 
@@ -376,7 +377,7 @@ class _Problem:
         return least_squares(self._residuals, start, bounds=bounds, x_scale="jac")
 
     def _preference(self, found: Any) -> tuple[float, float]:
-        """Return the criterion for two solutions: the cost, then closeness to the known handle."""
+        """Return the sort key of a solution: its cost, then its distance from the known handle."""
         # Costs may differ by rounding, which depends on the version of a library.
         cost = float(f"{found.cost:.6g}")
         return cost, float(np.linalg.norm(found.x - self._coordinates.values(self._known)))
@@ -398,11 +399,11 @@ class _Problem:
     def _starts(self) -> list[FloatArray]:
         """Return initial points: the best of a coarse grid, to avoid local minima in the search.
 
-        Without a low-pass, the delay jumps by whole samples: then also one sample before and
-        after.
+        Without a low-pass, the delay jumps by whole samples. Delays one sample shorter and longer
+        are then added.
 
 
-        Uses relative errors: with weights by standard deviation, a few lines would dominate.
+        Errors are relative: with weights by standard deviation, a few lines would dominate.
         """
         lines = [_thinned(line) for line in self._lines]
         delays = [self._known.delay]
@@ -426,7 +427,7 @@ class _Problem:
         ]
 
     def _grid(self) -> Iterator[Point]:
-        """Yield points around the initial one."""
+        """Yield the grid of points near the initial point."""
         known = self._known
         varied = {name: f for name, f in _START_FACTORS.items() if name in self._free}
         for factors in product(*varied.values()):
@@ -438,7 +439,7 @@ class _Problem:
         costs = np.zeros(len(delays))
         for line, modelled in _modelled(lines, point.replaced({"delay": 0.0})):
             ratio = modelled / line.response
-            # A rotated phase represents the delay: accurate enough for initial values.
+            # A phase rotation approximates the delay, accurately enough for initial values.
             turns = np.exp(-2j * np.pi * np.outer(delays, line.frequency))
             costs += np.sum(np.minimum(np.abs(turns * ratio - 1.0), 2.0) ** 2, axis=1)
         return costs
@@ -455,7 +456,7 @@ class _Lines:
 
 
 def _modelled(every: Sequence[_Lines], point: Point) -> Iterator[tuple[_Lines, ComplexArray]]:
-    """Yield lines and the model's response on them; usually all responses have the same lines."""
+    """Yield spectral lines with the model's response; equal lines are computed once."""
     frequency, rate, modelled = np.zeros(0), 0.0, np.zeros(0, dtype=np.complex128)
     for lines in every:
         if lines.rate != rate or not np.array_equal(lines.frequency, frequency):
@@ -489,7 +490,7 @@ _ROUNDING = 1e-9  # relative
 
 
 def check_free(free: Sequence[str]) -> None:
-    """Refuse names that are no parameters of the model or ``friction``, too few or too many.
+    """Refuse unknown names of parameters (``friction`` is allowed), too few and too many names.
 
     Raises
     ------

@@ -1,9 +1,9 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Response of a handle with three coils: estimate, covariance, coherence and wiring faults.
+"""Frequency response of a handle with three coils: estimate, covariance, coherence, wiring faults.
 
-Its coupling is fitted over frequency, as causal impulse responses.
+The coupling of the axes is fitted over frequency, as causal impulse responses.
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ COILS = 3
 
 ONSET_TIME, ONSET_RIDGE, ONSET = 0.032, 0.1, 0.4
 """Length of an impulse response, s, weight of its ridge regression, and fraction of the largest
-sample from which on one counts as its begin. Without noise they give the sign right for delays to
-5 ms, low-passes from 200 Hz and modes from 120 Hz with damping ratios from 0.05 (1296 handles)."""
+sample at which the response counts as started. Without noise they give the sign right for delays
+to 5 ms, low-passes from 200 Hz and modes from 120 Hz with damping ratios from 0.05 (1296
+handles)."""
 
 
 @dataclass(frozen=True)
@@ -40,13 +41,14 @@ class MatrixResponse:
     frequency : ndarray, shape (n,)
         Lines of a period within the band, Hz.
     response : ndarray, shape (n, 3, 3)
-        m/s^2 per N; the second index is the axis of the acceleration, the third that of the coil.
+        Response, m/s^2 per N; the second index is the axis of the acceleration, the third is the
+        coil.
     deviation : ndarray, shape (n, 3, 3)
         Standard deviation of real and imaginary part, from the noise and the force's spectra.
     coherence : ndarray, shape (n, 3)
         Multiple coherence: fraction of an acceleration's power that all forces explain.
     shares : ndarray, shape (n, 3, 3)
-        Fraction of the power that a coil and noise cause which is due to the coil.
+        Power due to a coil over the sum of this power and that of the noise.
     rate : float
         Samples per second.
     averages : int
@@ -74,13 +76,13 @@ class MatrixResponse:
 
     @property
     def cross_coupling(self) -> FloatArray:
-        """Acceleration of each axis by each coil over that of the coil's own, dB, shape (3, 3)."""
+        """Response of each axis to each coil relative to the coil's own axis, dB, shape (3, 3)."""
         power = np.mean(np.abs(self.response) ** 2, axis=0)
         return np.asarray(10 * np.log10(power / np.diag(power)))
 
     @property
     def condition(self) -> FloatArray:
-        """Largest over smallest singular value at each line, shape (n,)."""
+        """Condition number of the response at each line, shape (n,)."""
         return np.asarray(np.linalg.cond(self.response))
 
 
@@ -122,7 +124,7 @@ def matrix_response(
     noise = np.stack([estimate.smoothed(each) for each in rest.T], axis=1)
     variance = np.diagonal(inverse, axis1=1, axis2=2).real
     power = np.mean(np.abs(force) ** 2, axis=2)
-    # The estimate explains a part of the noise, too, which is no coherence.
+    # The estimate also explains a part of the noise, which must not count as coherence.
     explained = np.mean(np.abs(response @ force) ** 2, axis=2) - noise * COILS / periods
     explained = np.maximum(explained, 0.0)
     alone = np.abs(response) ** 2 - noise[:, :, np.newaxis] * variance[:, np.newaxis, :]
@@ -146,7 +148,7 @@ def _spectra(periods: FloatArray) -> ComplexArray:
 
 
 def _check_alive(trial: sweeps.IdentificationTrial) -> None:
-    """Reject a force that excites nothing, and an acceleration that does not change."""
+    """Reject a force without excitation, and an acceleration that does not change."""
     for axis, force in sweeps.by_axis(trial.actuator_force):
         if (excited := float(np.std(force))) < estimate.SMALLEST_FORCE:
             raise estimate.RecordingError(
@@ -164,7 +166,7 @@ def _check_alive(trial: sweeps.IdentificationTrial) -> None:
 def check_matrix_response(
     found: MatrixResponse, trials: Sequence[sweeps.IdentificationTrial], acceleration_range: float
 ) -> None:
-    """Reject, by axis, what no plant can be fitted to.
+    """Reject a response to which no plant can be fitted; check each axis.
 
     Parameters
     ----------
@@ -195,7 +197,7 @@ def check_matrix_response(
 
 
 def _check_coherence(found: MatrixResponse, band: estimate.Band) -> None:
-    """Reject a coil that moves nothing, and an acceleration that no force explains."""
+    """Reject a coil without effect, and an acceleration that no force explains."""
     where = f"on average from {band[0]:g} to {band[1]:g} Hz: must be at least"
     moved = np.mean(found.shares, axis=0)
     for coil, name in enumerate(NAMES):
@@ -235,8 +237,8 @@ def _check_directions(found: MatrixResponse) -> None:
 def _pushes_back(found: MatrixResponse, axis: int) -> bool:
     """Return whether an axis' own impulse response begins with negative samples.
 
-    A force along the axis accelerates the mass along it at once, whatever the delay, the mode of
-    the mount and the low-pass.
+    A force first accelerates the mass in its own direction, for any delay, mount mode and
+    low-pass.
     """
     response = found.response[:, axis, axis]
     turns = np.outer(found.frequency, np.arange(round(ONSET_TIME * found.rate))) / found.rate
@@ -249,56 +251,56 @@ def _pushes_back(found: MatrixResponse, axis: int) -> bool:
 
 
 LENGTHS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
-"""Lengths among which that of the impulse responses is chosen, samples. A handle that turns in the
+"""Allowed lengths of the impulse responses, samples. A handle that turns in the
 hand at 10 Hz needs 256 at 1 kHz."""
 
 DECAYS = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
-"""Time constants of the prior's standard deviation that are tried, samples."""
+"""Candidate time constants of the prior's standard deviation, samples."""
 
 SCALES = 10.0 ** np.arange(-8.0, 1.1, 0.5)
-"""Variances of the second sample that are tried, relative to that of the data; the directions of
-coils, the first samples, are free."""
+"""Candidate prior variances of the second sample, relative to the data's variance. The first
+samples, which are the coils' directions, are free."""
 
 DECAYED = 6.0
-"""Number of time constants after which a sample is taken for zero: a four-hundredth."""
+"""Number of time constants after which a sample counts as zero (a four-hundredth remains)."""
 
 EARNED = 3.0
-"""Log-likelihood by which a coupling with dynamics must exceed a static one: a chance of a
-twentieth for the two numbers of its prior."""
+"""Log-likelihood by which a coupling with dynamics must exceed a static one: a probability of 5 %
+for the two parameters of its prior."""
 
 LARGEST_TAP = 1.0
-"""Standard deviation that the last fit allows the second sample of an impulse response, times the
-largest response if that is above 1; the first sample is free (assumed)."""
+"""Prior standard deviation of an impulse response's second sample in the last fit, multiplied by
+the largest response if that is above 1; the first sample is free (assumed)."""
 
 LAST_TAP = 0.01
-"""Ratio of the last sample to `LARGEST_TAP` in the last fit (assumed)."""
+"""Prior standard deviation of the last sample over `LARGEST_TAP` in the last fit (assumed)."""
 
 LEAST_DEVIATION = 1e-3
-"""Least standard deviation of a line, relative to the coil's own response: a coil's plant is not
-known better (assumed)."""
+"""Minimum standard deviation of a line, relative to the coil's own response: the accuracy of a
+coil's plant (assumed)."""
 
 FOLLOWED = 0.2
-"""Weight of the smoothed coupling's deviation in the last fit, so that what is assumed above the
-band does not bend it within."""
+"""Weight of the smoothed coupling's deviation in the last fit, so that the assumption above the
+band does not distort the fit within the band."""
 
 OUTSIDE = 0.3
-"""Standard deviation of the coupling above the excited band, from that at its end (assumed), if it
-is less than 1, and relative to it otherwise: the band says nothing about it, but a controller
-drives the coils there too."""
+"""Standard deviation of the coupling above the excited band from the coupling at the band's end
+(assumed); relative if that coupling is above 1. The recording contains no information there, but a
+controller drives the coils there too."""
 
 BELOW, FIRST = 0.03, 3
-"""Standard deviation of the coupling below the band, from its mean over the first lines (assumed),
-and their number."""
+"""Standard deviation of the coupling below the band from its mean over the first lines (assumed),
+and the number of these lines."""
 
 STEP_BELOW = 1.0
-"""Distance of the frequencies below the band, Hz."""
+"""Spacing of the frequencies below the band, Hz."""
 
 STEP_OUTSIDE = 5.0
-"""Distance of the frequencies above the band, Hz."""
+"""Spacing of the frequencies above the band, Hz."""
 
 
 class Coupling(NamedTuple):
-    """Fitted coupling.
+    """Fitted coupling K of the axes.
 
     Attributes
     ----------
@@ -316,20 +318,21 @@ class Coupling(NamedTuple):
 
 
 def fit_coupling(found: MatrixResponse, own: ComplexArray, passed: ComplexArray) -> Coupling:
-    """Fit the impulse responses of K in G = K diag(own), of all nine elements.
+    """Fit the impulse responses of the nine elements of K in G = K diag(own).
 
-    Each axis of the accelerometer has a mount of its own, with which K contains the ratio of two
-    modes: long, and poorly known where the coil's own axis hardly moves. Without this ratio, which
-    the fits of the axes know well, the coupling is that of a rigid handle. An element is smoothed
-    without it if that is more likely.
+    Each axis of the accelerometer has a separate mount, so K contains the ratio of two modes. This
+    ratio has a long impulse response, and is poorly known where the coil's own axis hardly moves,
+    but the fits of the axes determine it well. An element is divided by it before smoothing if
+    that is more likely.
 
     The smoothing is a regression with a prior of decaying, correlated samples (TC kernel: Chen,
-    Ohlsson and Ljung, Automatica 48(8), 2012), whose size and decay have the largest marginal
-    likelihood, as has the variance of the data, if it is above that of the noise. A coupling that
-    noise cannot tell from a static one is static. The impulse responses have the shortest of
-    `LENGTHS` that follows the smoothed coupling within its own deviation. Above the band, the
-    coupling is that at its end, times the ratio of the modes there, with a deviation of `OUTSIDE`;
-    far below it, that at its begin, with a deviation of `BELOW`.
+    Ohlsson and Ljung, Automatica 48(8), 2012), whose size and decay maximise the marginal
+    likelihood, as does the variance of the data if it exceeds that of the noise. A coupling that
+    differs from a static one by no more than noise is static. The impulse responses have the
+    shortest of `LENGTHS` that follows the smoothed coupling within its own deviation. Above the
+    band, the coupling is that at the band's end, times the ratio of the modes there, with a
+    deviation of `OUTSIDE`; far below the band, the coupling is that at its start, with a deviation
+    of `BELOW`.
 
     Parameters
     ----------
@@ -337,8 +340,8 @@ def fit_coupling(found: MatrixResponse, own: ComplexArray, passed: ComplexArray)
     own : ndarray, shape (n, 3)
         Response that each coil would have along its own axis, at the lines of `found`.
     passed : ndarray, shape (n + m, 3, 3)
-        Ratio of that response with the mount of another axis to it, by axis and coil, at the lines
-        of `found` and at the m frequencies of `above`.
+        Ratio of that response with the mount of another axis to `own`, by axis and coil, at the
+        lines of `found` and at the m frequencies of `above`.
     """
     count = len(own)
     response = np.zeros_like(passed)
@@ -376,13 +379,13 @@ def above(found: MatrixResponse) -> FloatArray:
 def _smoothed(
     found: MatrixResponse, axis: int, coil: int, own: ComplexArray
 ) -> tuple[float, ComplexArray, FloatArray]:
-    """Smooth an element relative to a response `own`, shape (n,)."""
+    """Smooth an element of the coupling relative to a response `own`, shape (n,)."""
     least = LEAST_DEVIATION * np.abs(own)
     weights = np.abs(own) / np.maximum(found.deviation[:, axis, coil], least)
     measured = found.response[:, axis, coil] / own
     # Nothing is measured below the band, where a free fit would have a resonance.
     start = below(found)
-    # All are one value, which is as uncertain as the first lines.
+    # All these frequencies share one value, which is as uncertain as the first lines.
     unsure = math.sqrt(len(start) / float(np.sum(weights[:FIRST] ** 2)))
     weights = np.append(weights, np.full(len(start), 1.0 / math.hypot(BELOW, unsure)))
     first = np.full(len(start), measured[:FIRST].real.mean(), dtype=np.complex128)
@@ -392,7 +395,7 @@ def _smoothed(
     rows, data = _stacked(basis * weights[:, np.newaxis]), _stacked(measured * weights)
     normal, vector = rows.T @ rows, rows.T @ data
     free, static = normal[0, 0], vector[0] / normal[0, 0]
-    # The first sample is free: all else is orthogonal to it.
+    # The first sample is free, so the data are made orthogonal to it.
     power = float(data @ data) - static * float(vector[0])
     towards = normal[0, 1:] / free
     rest = normal[1:, 1:] - free * np.outer(towards, towards)
@@ -430,7 +433,7 @@ def _smoothed(
 
 @cache
 def _roots() -> list[FloatArray]:
-    """Return roots of the prior's covariances of all samples but the first."""
+    """Return square roots of the prior's covariance matrices, without the first sample."""
     roots = []
     for decay in DECAYS:
         size = min(LENGTHS[-1] - 1, round(DECAYED * decay))
@@ -444,7 +447,7 @@ def _roots() -> list[FloatArray]:
 def _taps(
     found: MatrixResponse, response: ComplexArray, deviation: FloatArray, length: int
 ) -> FloatArray:
-    """Return impulse responses of a length that follow a coupling at the lines, (3, 3, length)."""
+    """Return impulse responses of a specified length fitted to a coupling, (3, 3, length)."""
     start = below(found)
     frequency = np.concatenate([found.frequency, above(found), start])
     basis: ComplexArray = np.exp(-2j * np.pi * np.outer(frequency, np.arange(length)) / found.rate)
@@ -466,7 +469,7 @@ def _taps(
 
 
 def _prior(length: int) -> FloatArray:
-    """Return the inverse covariance of the samples; the first is free."""
+    """Return the prior's inverse covariance of the samples; the first sample is free."""
     precision = np.zeros((length, length))
     if length > 1:
         index = np.arange(length - 1)
@@ -477,5 +480,5 @@ def _prior(length: int) -> FloatArray:
 
 
 def _stacked(values: ComplexArray) -> FloatArray:
-    """Return real parts above imaginary parts."""
+    """Stack real parts above imaginary parts."""
     return np.concatenate([values.real, values.imag])

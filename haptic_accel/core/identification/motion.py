@@ -33,24 +33,25 @@ HIGHEST_HARMONIC = 3.0
 """Ratio of the highest compared frequency to the sweep's: dry friction has a third harmonic."""
 
 EXPECTED = {"slip_velocity": (2e-3, 1.0), "friction_lag": (0.0, 200e-6)}
-"""Expected values and uncertainties, the former's as a logarithm, of the parameters of friction
-reversal (assumed: 1 to 5 mm/s, and the micrometres within which contacts shear). The motion
-contains little information on them, but they shift the other parameters."""
+"""Expected values and uncertainties of the parameters of friction reversal; the uncertainty of the
+slip velocity is that of its logarithm (assumed: 1 to 5 mm/s, and the micrometres within which
+contacts shear). The motion contains little information on them, but they shift the other
+parameters."""
 
 PATTERNS = 4.0
-"""Number of patterns in the model's error per parameter (assumed; few, as it repeats at each
-reversal of the slip; the actual errors are then one standard error or less)."""
+"""Number of patterns in the model's error per parameter (assumed; few, as the error repeats at
+each reversal of the slip; the actual errors are then one standard error or less)."""
 
 LARGEST_SHARE = 0.49
 """Ratio of the highest compared frequency to the sampling rate."""
 
 _FRICTION_START = 0.01  # N
-_DIFFERENCE = 1e-4  # step of the search variables for slopes
+_DIFFERENCE = 1e-4  # finite difference of the search variables
 _CLOSE = 1e-6  # relative step and relative gain that end the search
-_NEGLIGIBLE = 0.01  # squared error of the coarse simulation: a tenth of a standard error
+_NEGLIGIBLE = 0.01  # squared error of the coarse simulation
 _SAME = 0.01  # distance of solutions, in search variables, that counts as zero
-_LINEAR = 0.2  # relative error of a rise in cost that counts as predicted
-_MOST_STEPS = 10  # to the end of an interval; three to five suffice
+_LINEAR = 0.2  # relative error of a predicted rise in cost
+_MOST_STEPS = 10  # maximum to an end of an interval; three to five suffice
 _LONGEST_STEP = 1.0  # in search variables
 _LEAST_NOISE = 1e-6  # relative to the strongest line: rounding errors without noise
 
@@ -90,14 +91,14 @@ def fit_motion(
     most = coarse.cost(lowest) + INTERVAL**2 * coarse.inflation(lowest)
     others = [values for values in minima if not np.allclose(values, lowest, atol=_SAME)]
     near = [lowest, *(values for values in others if coarse.cost(values) <= most)]
-    # Without friction, or with much noise, the coarse simulation is as good.
+    # Without friction, or with much noise, the coarse simulation is accurate enough.
     error = fine.residuals(lowest) - coarse.residuals(lowest)
     last = fine if float(error @ error) > _NEGLIGIBLE else coarse
     refined = [last.minimum(values) for values in near] if last is fine else near
     at = min(range(len(refined)), key=lambda index: last.cost(refined[index]))
     fit = last.fit(refined[at], start)
     # The coarse simulation shifts the minimum, but hardly changes the shape around it.
-    # An interval holds all values near some minimum with a limited cost.
+    # An interval contains all values near a minimum whose cost stays below the limit.
     most = min(map(coarse.cost, near)) + INTERVAL**2 * fit.inflation
     ends = [coarse.ends(values, most) for values in near if coarse.cost(values) < most]
     lows, highs = zip(*ends, strict=True)
@@ -120,19 +121,19 @@ def simulated(
     Parameters
     ----------
     points : sequence of Point
-        Handles with mounts of the same kind; they are simulated together.
+        Handles that all have a rigid mount or all a resonant one; they are simulated together.
     force : ndarray, shape (n,)
         Actuator force immediately after each sample, N.
     rate : float
         Samples per second.
     longest_step : float
-        Maximum time over which friction is held, s.
+        Maximum time in which friction is constant, s.
 
     Returns
     -------
     ndarray, shape (len(points), n)
     """
-    steps = math.ceil(1.0 / (rate * longest_step) - 1e-9)  # from one force to the next
+    steps = math.ceil(1.0 / (rate * longest_step) - 1e-9)  # steps from one force to the next
     steppings = [_stepping(point, 1.0 / (rate * steps)) for point in points]
     over, rub = (np.array(each) for each in zip(*steppings, strict=True))
     rub, states = rub[..., None], rub.shape[1]
@@ -151,11 +152,11 @@ def simulated(
 
 
 def _stepping(point: Point, time: float) -> tuple[FloatArray, FloatArray]:
-    """Return the transition of state and force over a step in s, and the effect of full friction.
+    """Return transition matrix of state and force over a step in s, and effect of full friction.
 
     The last row gives the fraction of the friction that acts. It is proportional to the mean slip
-    over the step, including the friction's own effect, up to 1. Friction held over a step thus
-    cannot reverse a slip.
+    over the step, including the friction's own effect, up to 1. Constant friction within a step
+    thus cannot reverse a slip.
 
     Returns
     -------
@@ -190,7 +191,7 @@ def _seen(point: Point, before: FloatArray, rate: float) -> FloatArray:
         Samples per second.
     """
     samples, steps, _ = before.shape
-    late = math.ceil(point.delay * rate)  # samples until a force first appears
+    late = math.ceil(point.delay * rate)  # delay until a force appears, rounded up to samples
     rest = late / rate - point.delay
     step = min(int(rest * rate * steps), steps - 1)
     a, b = axial_mechanics(point.handle, point.mount, point.low_pass_frequency)
@@ -211,7 +212,7 @@ class _Problem:
     trials : sequence of IdentificationTrial
     sweep : SweepParameters
     coordinates : Coordinates
-        Meaning of the variables.
+        Conversion between parameters and search variables.
     step : float
         Maximum step of the simulation, s.
     """
@@ -239,7 +240,7 @@ class _Problem:
         self._measured = spectra.mean(axis=(0, 1))
         scatter = np.abs(spectra - spectra.mean(axis=1, keepdims=True)) ** 2
         count, repeats, _ = spectra.shape
-        self._freedom = count * (repeats - 1)  # for a line's scatter
+        self._freedom = count * (repeats - 1)  # degrees of freedom of a line's scatter
         power = smoothed(scatter.sum(axis=(0, 1)) / self._freedom) / (count * repeats)
         least = _LEAST_NOISE * np.abs(self._measured).max()
         self._deviation = np.maximum(np.sqrt(power / 2), least)
@@ -264,7 +265,7 @@ class _Problem:
         """Return the factor of the noise's variance that includes the model's errors."""
         error = self.residuals(values)[: -len(EXPECTED)]
         free = len(values)
-        # Noise alone may cause a part of it, but an error of the model may be hidden by noise too.
+        # Noise may cause a part of the misfit, but may also hide an error of the model.
         misfit = max(0.0, float(error @ error) - (len(error) - free))
         return 1.0 + misfit / (PATTERNS * free)
 
@@ -285,7 +286,7 @@ class _Problem:
         return np.asarray(found.x)
 
     def ends(self, minimum: FloatArray, most: float) -> tuple[FloatArray, FloatArray]:
-        """Return the smallest and largest value of each variable with a limited cost.
+        """Return the smallest and largest value of each variable whose cost stays below a limit.
 
         The other variables take the values with the least cost (profile likelihood). A step to an
         end is exact for a linear model; it is repeated where the cost is not as predicted.
@@ -304,7 +305,7 @@ class _Problem:
         first = [self._step_to_end(minimum, at, sign, most, bounds) for at, sign in sides]
         errors = self._errors([self._coordinates.point(values) for values in first])
         predicted = np.abs(np.sum(errors**2, axis=1) - most) < _LINEAR * rise
-        # The range of the friction's reversal is assumed, so an estimate is enough.
+        # The intervals of friction reversal are assumptions, so an estimate is enough.
         reversal = [name in EXPECTED for name in self._coordinates.free]
         predicted |= np.tile(reversal, 2)
         ends = [
@@ -366,13 +367,13 @@ class _Problem:
         low, high = bounds
         free = np.ones(len(values), dtype=bool)
         step = np.zeros(len(values))
-        for _ in range(2):  # again without the variables that would leave their bounds
+        for _ in range(2):  # repeat without variables out of bounds
             used = jacobian[:, free]
             covariance = np.linalg.pinv(used.T @ used)
             slope = used.T @ residuals
             newton = -covariance @ slope
             room = max(0.0, most - float(residuals @ residuals) - float(slope @ newton))
-            column = np.count_nonzero(free[:at])  # of the variable among the free ones
+            column = np.count_nonzero(free[:at])  # variable's index among the free ones
             toward = covariance[column]
             own = float(toward[column])
             step[:] = 0.0

@@ -1,18 +1,18 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Excitation of the handle, its detection in a recording, and checks of the actuator's travel.
+"""Excitation of a handle, detection of the excitation in a recording, and travel checks.
 
-One coil has a logarithmic sine sweep. Each of three coils has a multisine whose lines have the
-magnitudes and group delays of that sweep (Mueller and Massarani, J. Audio Eng. Soc. 49(6), 2001):
-force and travel at each frequency are those of the sweep, and the crest factor is as low. A trial
-has four realisations, in which the coils' signs are columns of a Hadamard matrix. The excitations
-of the coils are thus orthogonal at every line, and all nine elements of the response are known at
-the same lines with the least variance for a given force (Dobrowiecki and Schoukens, Automatica
-43(10), 2007; Pintelon and Schoukens, System Identification, 2nd ed., 2012). Three realisations
-would do with turned phases in place of signs. With signs, each coil always has the same waveform:
-its dry friction, which is the same in both directions, distorts all realisations alike, and is
-fitted as for one axis.
+A single coil is driven by a logarithmic sine sweep. Each of three coils is driven by a multisine
+whose lines have the magnitudes and group delays of that sweep (Mueller and Massarani, J. Audio
+Eng. Soc. 49(6), 2001): force and travel at each frequency are those of the sweep, and the crest
+factor is equally low. A trial has four realisations, in which the coils' signs are columns of a
+Hadamard matrix. The excitations of the coils are thus orthogonal at every line, and all nine
+elements of the response are known at the same lines with the least variance for a given force
+(Dobrowiecki and Schoukens, Automatica 43(10), 2007; Pintelon and Schoukens, System Identification,
+2nd ed., 2012). Three realisations would suffice with rotated phases instead of signs. With signs,
+each coil always has the same waveform: its dry friction, which is the same in both directions,
+distorts all realisations in the same way, and is fitted as for one axis.
 """
 
 from __future__ import annotations
@@ -98,11 +98,11 @@ class SweepParameters(Checked):
 
     @property
     def _growth(self) -> float:
-        """Time in which the frequency grows by the factor e, s."""
+        """Time in which the frequency increases by a factor of e, s."""
         return self.duration / math.log(self.end_frequency / self.start_frequency)
 
     def _cycles(self, time: float) -> float:
-        """Return the number of cycles until a time in s."""
+        """Return the number of cycles up to a time in s."""
         return self.start_frequency * self._growth * math.expm1(time / self._growth)
 
 
@@ -110,8 +110,8 @@ def sweep(parameters: SweepParameters, rate: float) -> FloatArray:
     """Return one repeat of the sweep.
 
     It ends with its last whole cycle. The force is thus zero, without a jump, at both ends, and
-    repeats can follow one another. For the rest of the duration, less than a cycle, the force is
-    zero.
+    repeats can follow one another. For the rest of the duration, which is less than a cycle, the
+    force is zero.
 
     Parameters
     ----------
@@ -242,12 +242,12 @@ class IdentificationTrial:
     def cleaned(self) -> IdentificationTrial:
         """Trial whose false samples of the acceleration are replaced by interpolation.
 
-        The force is commanded, not measured, and stays as it is.
+        The force is a command, not a measurement, and remains unchanged.
 
         Raises
         ------
         RecordingError
-            Too many samples are false, see `without_outliers`.
+            Too many samples are false; see `without_outliers`.
         """
         cleaned, rejected = [], 0
         for axis, values in by_axis(self.handle_acceleration):
@@ -263,7 +263,7 @@ class IdentificationTrial:
 
 
 def by_axis(values: FloatArray) -> list[tuple[str, FloatArray]]:
-    """Return the signal of each axis, with the begin of a message on it; one axis has no name.
+    """Return the signal of each axis with a prefix for messages; the prefix is empty for one axis.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ def check_axes(actuator_force: FloatArray, handle_acceleration: FloatArray) -> N
     Raises
     ------
     RecordingError
-        As of `check_pair`; the message begins with the axis, if there are three.
+        See `check_pair`. The message begins with the axis if there are three.
     """
     pairs = zip(by_axis(actuator_force), by_axis(handle_acceleration), strict=True)
     for (axis, force), (_, acceleration) in pairs:
@@ -351,7 +351,7 @@ def find_trials(
     )
     energy = np.cumsum(np.concatenate([[0.0], np.sum(columns**2, axis=1)]))
     norm = np.sqrt((energy[length:] - energy[:-length]) * float(np.sum(expected**2)))
-    # If there is hardly any force, rounding errors must not resemble the sweep.
+    # Without a minimum norm, rounding errors of a weak force could resemble the sweep.
     correlation = np.asarray(product / np.maximum(norm, _LEAST_FORCE * float(np.sum(expected**2))))
     starts = []
     best = float(correlation.max())
@@ -375,7 +375,7 @@ def find_trials(
     return trials
 
 
-_LEAST_FORCE = 1e-3  # share of excitation
+_LEAST_FORCE = 1e-3  # share of the excitation's energy
 
 
 SIGNS: FloatArray = np.array(
@@ -416,13 +416,13 @@ def multisine(parameters: SweepParameters, rate: float) -> FloatArray:
     low, high = parameters.band
     used = (frequency >= low) & (frequency <= high)
     octaves = np.log(frequency[used] / low)
-    growth = parameters.duration / math.log(high / low)  # time for a factor e of frequency
+    growth = parameters.duration / math.log(high / low)  # time per factor e of frequency
     amplitude = parameters.start_amplitude + (octaves / math.log(high / low)) * (
         parameters.end_amplitude - parameters.start_amplitude
     )
     # The sweep spends growth / f seconds per Hz at the frequency f.
     line = amplitude * np.sqrt(growth / frequency[used]) / parameters.duration
-    # The group delay growth * octaves, integrated over frequency; a sine at the start.
+    # Phase: the integral of the group delay growth * octaves over frequency; a sine at the start.
     turns = growth * (frequency[used] * octaves - frequency[used] + low) + 0.25
     spectrum = np.zeros((3, len(frequency)), dtype=np.complex128)
     for coil in range(3):
@@ -479,7 +479,7 @@ def repeats_of_trial(axes: Axes, parameters: SweepParameters) -> int:
 
 
 def kept_periods(values: FloatArray, parameters: SweepParameters, rate: float) -> FloatArray:
-    """Return the evaluated periods of a signal recorded from the start of the excitation on.
+    """Return the evaluated periods of a signal that starts with the excitation.
 
     Parameters
     ----------
@@ -498,15 +498,15 @@ def kept_periods(values: FloatArray, parameters: SweepParameters, rate: float) -
 
 
 STOPS_HIT = "travel_stops_hit"
-"""Status entry of a trial: number of contacts with a stop, if known."""
+"""Status entry of a trial: number of contacts with a mechanical stop, if known."""
 
 LIMITED = tuple(f"actuator force limited{by}" for by in ("", " by heat", " by travel"))
 """Entries in a trial's counters and a device's diagnostics: number of forces reduced by the safety
 layer. The applied force then differs from the command."""
 
 DOUBTFUL, REFUSED = 0.95, 1.1
-"""Ratios of estimated to free travel above which a fit is doubtful, or rejected. The estimate
-neglects dry friction and the sensor's offset (assumed: 10 %)."""
+"""Ratios of estimated to free travel above which a fit causes a warning, or is rejected. The
+estimate neglects dry friction and the sensor's offset (assumed: 10 %)."""
 
 Recorded = Mapping[str, Sequence[IdentificationTrial]]
 """Trials by the name of the grip."""
@@ -531,7 +531,7 @@ def check_stops(recorded: Recorded) -> None:
 def check_travel(
     name: str, trial: IdentificationTrial, suspension: Suspension, most: float
 ) -> str:
-    """Estimate the actuator's travel in a trial; return a reason for doubt, or an empty string.
+    """Estimate the actuator's travel in a trial; return a warning, or an empty string.
 
     Parameters
     ----------
@@ -540,9 +540,10 @@ def check_travel(
     trial : IdentificationTrial
         Trial without latency; the acceleration includes gravity.
     suspension : Suspension
-        Actuator on its fitted suspension. Contacts with the stops make it look more mobile.
+        Actuator on its fitted suspension. Contacts with the stops make the suspension appear
+        softer or less damped.
     most : float
-        Free travel either way, m.
+        Free travel in each direction, m.
 
     Raises
     ------

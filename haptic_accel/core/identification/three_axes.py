@@ -37,7 +37,7 @@ class ThreeAxisIdentification:
     plant : MatrixPlant
         Plants of the axes with dry friction where it is certain, and the coupling.
     undecided : tuple of str
-        Reasons to doubt the choice of a model.
+        Warnings about the choice of a model.
     """
 
     trials: list[sweeps.IdentificationTrial]
@@ -48,7 +48,7 @@ class ThreeAxisIdentification:
 
     @property
     def doubts(self) -> list[str]:
-        """Reasons to doubt the fits, one line each; empty if there is none."""
+        """Warnings about the fits, one line each; empty if there are none."""
         doubts = [
             f"axis {name}: {doubt}"
             for name, fit in self.fits.items()
@@ -58,7 +58,7 @@ class ThreeAxisIdentification:
 
     @property
     def outliers(self) -> list[str]:
-        """Line on the outliers in the acceleration; empty if there are none."""
+        """Message about outliers in the acceleration; empty if there are none."""
         return evaluation.outliers(self.trials)
 
 
@@ -74,7 +74,7 @@ def identify_three_axes(
 ) -> ThreeAxisIdentification:
     """Estimate the response, fit the plant of each axis, and then the coupling.
 
-    Parameters as for `identify_handle`, with trials of `orthogonal_excitation`.
+    The parameters are those of `identify_handle`, with trials of `orthogonal_excitation`.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def identify_three_axes(
         An axis cannot be identified, or the coils' directions are too close to a plane; the
         message names the axis.
     ParameterError
-        No trial is given, or a parameter is out of range.
+        There is no trial, or a parameter is out of range.
     """
     if not recorded:
         raise ParameterError("recorded: must hold at least one trial")
@@ -123,16 +123,17 @@ def identify_three_axes(
 
 
 COMPARED = (20.0, 400.0)
-"""Band in which a plant is judged, Hz: that of textures."""
+"""Frequency band in which a plant is checked, Hz: the band of textures."""
 
 WEAKEST = 0.1
-"""Size relative to the coil's own response below which an element is not judged: -20 dB."""
+"""Magnitude, relative to the coil's own response, below which an element is not checked: -20
+dB."""
 
 CERTAIN = 4.0
-"""Standard deviations of the noise beyond which a misfit is no chance."""
+"""Misfit, in standard deviations of the noise, that chance cannot explain."""
 
 LARGEST_UNCERTAINTY = 0.087
-"""Twice the standard deviation of an element, relative to its size, above which it is doubtful:
+"""Twice the standard deviation of an element, relative to its magnitude, that causes a warning:
 5 degrees, or 0.8 dB."""
 
 LAST_STAGE = "coupling of the axes"
@@ -151,9 +152,9 @@ def _alone(
     sweep: sweeps.SweepParameters,
     axis: int,
 ) -> list[sweeps.IdentificationTrial]:
-    """Return each realisation as a trial of one axis, without the response to other coils.
+    """Return each realisation as a single-axis trial, without the response to other coils.
 
-    Signs are removed, so that all have the same force.
+    Signs are removed, so that all realisations have the same force.
     """
     others = found.response[:, axis].copy()
     others[:, axis] = 0.0
@@ -180,7 +181,7 @@ def _as_recorded(
     sweep: sweeps.SweepParameters,
     found: matrices.MatrixResponse,
 ) -> ComplexArray:
-    """Return a fitted axis' response to a periodic force, which dry friction may change."""
+    """Return a fitted axis' response to a periodic force, including the effect of dry friction."""
     if not fit.certain_friction:
         return _causal(fit).response(found.frequency, found.rate)
     repeats = sweeps.DROPPED_REPEATS + 1
@@ -204,7 +205,7 @@ def _passed(fits: Mapping[str, HandleFit], found: matrices.MatrixResponse) -> Co
 def coupling_doubts(
     found: matrices.MatrixResponse, coupling: matrices.Coupling, own: ComplexArray
 ) -> list[str]:
-    """Return a line for each element that its model does not explain, or that is too uncertain.
+    """Return a warning for each element that the model does not explain, or that is too uncertain.
 
     Parameters
     ----------
@@ -212,7 +213,7 @@ def coupling_doubts(
     coupling : Coupling
         Coupling fitted to it.
     own : ndarray, shape (n, 3)
-        Response of each coil along its own axis that the coupling is relative to.
+        Response of each coil along its own axis, to which the coupling is relative.
     """
     low, high = COMPARED
     inside = (found.frequency >= low) & (found.frequency <= high)
@@ -249,7 +250,7 @@ def coupling_doubts(
 
 
 def _causal(fit: HandleFit) -> HandleFit:
-    """Return a fit without the negative delay that noise may give."""
+    """Return a fit whose delay is at least 0; noise may make it negative."""
     return replace(fit, delay=max(0.0, fit.delay))
 
 
@@ -264,7 +265,7 @@ def _plant(fit: HandleFit) -> Plant:
 
 
 def _check_condition(plant: MatrixPlant) -> None:
-    """Reject coils whose directions are too close to a plane, as the plant's reader does."""
+    """Reject coils whose directions are nearly in one plane, as the reader of plants does."""
     if not plant.condition <= HIGHEST_CONDITION:
         raise RecordingError(
             f"condition number = {plant.condition:.3g} of the coils' directions: must be at most"

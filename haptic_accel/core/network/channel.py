@@ -69,7 +69,7 @@ class Channel(Generic[T]):
         self._blackouts = tuple(blackouts)
         self._order = itertools.count()
         self.travelling: list[tuple[float, int, T]] = []
-        """Packets in transit, each with its arrival; a duplicated packet is there twice."""
+        """Packets in transit with their arrival times; a duplicated packet is listed twice."""
 
     @property
     def next_arrival(self) -> float:

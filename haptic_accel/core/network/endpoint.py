@@ -49,7 +49,7 @@ _FIRST_AXIS = 16  # flag of the samples' x component; y and z follow
 
 @cache
 def _layout(count: int) -> struct.Struct:
-    """Return the layout of a packet with a given number of values, without the checksum."""
+    """Return the layout of a packet with a specified number of values, without the checksum."""
     return struct.Struct(f"<4sB3BQ2qQ3q2Iq3d3d2dq{count}f")
 
 
@@ -87,12 +87,12 @@ class Packet(NamedTuple):
     echo_received : int
         System time of the sender when that packet was received, ns.
     ready, engaged, stopped : bool
-        The sender is ready to engage; is engaged; is under an emergency stop.
+        State of the sender: ready to engage, engaged, stopped by an emergency stop.
     resumes : bool
-        The sender keeps the reference position of its previous engagement: if engaged, it does; if
-        free, it would at its next engagement.
+        True if the sender's present engagement (or its next one, if not engaged) keeps the
+        reference position of the previous engagement.
     stops : int
-        Number of emergency stops that began on the sender's side.
+        Number of emergency stops that were triggered on the sender's side.
     engagement : int
         Number of engagements of the sender.
     stamp : int
@@ -110,7 +110,7 @@ class Packet(NamedTuple):
         Acceleration of the tool, m/s^2: the components along `axes`, sample by sample; at most
         `MOST_SAMPLES` samples.
     axes : Axes
-        Axes of the tool that the sender has.
+        Axes of the sender's tool acceleration.
     """
 
     side: str
@@ -164,7 +164,7 @@ def unpack(data: bytes) -> Packet:
     Raises
     ------
     ValueError
-        The datagram is no packet, is damaged, or has another version.
+        The datagram is not a packet, is damaged, or has another version.
 
     Examples
     --------
@@ -206,17 +206,17 @@ def unpack(data: bytes) -> Packet:
 
 
 UNHEARD = "the peer does not receive this host's packets"
-"""Problem: packets arrive, but none echoes the local session."""
+"""Problem message: packets arrive, but none echoes the local session."""
 
 REFUSED = "the peer's packets are refused"
-"""Problem: packets arrive, but none may be used."""
+"""Problem message: packets arrive, but none is accepted."""
 
 LIFETIME = 0.5
 """Silence after which another peer is accepted, s. The arms uncouple earlier without packets, and
 the restart of a process takes longer."""
 
 PROBLEM_TIME = 2.0
-"""Time for which the reason of a rejection is shown, s."""
+"""Time for which the reason for a rejection is shown, s."""
 
 DUPLICATE_WINDOW = 1024
 """Number of packets before the newest for which duplicates are distinguished from late packets. It
@@ -231,8 +231,8 @@ LARGEST_JUMP = 3.0
 delays packets that long. A larger number would make all later packets appear old."""
 
 ANEW = 1.0
-"""Time without an accepted packet, while packets arrive, after which a new session begins, s. It
-is longer than the time until another peer is accepted."""
+"""Time without an accepted packet, while packets arrive, after which a new session starts, s;
+longer than `LIFETIME`."""
 
 
 _NEVER = -math.inf, -math.inf
@@ -273,7 +273,7 @@ class Session:
     own : int
         Local session, which packets must echo.
     peer : int
-        Session of the peer; 0 before its first packet.
+        Session of the peer; 0 before the peer's first packet.
     last_reception, unanswered : float
         Time of the newest accepted packet, and of the last packet that was not fresh, s.
     received, lost, doubled, out_of_order, restarts, refused, renewals : int
@@ -321,7 +321,7 @@ class Session:
         return Admission.NEWEST
 
     def renew(self) -> None:
-        """Begin a new local session; for the peer this looks like a restarted host."""
+        """Start a new local session; to the peer, this host appears restarted."""
         self.own = random_session()
         self.renewals += 1
         self._forget()
@@ -336,13 +336,13 @@ class Session:
         return self._problem if now - self._problem_time < PROBLEM_TIME else ""
 
     def unusable(self, now: float, timeout: float) -> str:
-        """Return the reason to refuse the latest packets, time in s; empty if none was refused."""
+        """Return the reason why the latest packets were refused, time in s; empty if none was."""
         if now - self.unanswered <= timeout:
             return UNHEARD
         return REFUSED if now - self._problem_time <= timeout else ""
 
     def _forget(self) -> None:
-        """Forget the peer; packets sent to the former local session are no longer accepted."""
+        """Reset the peer; packets sent to the former local session are no longer accepted."""
         # First and last unusable packets since the last accepted one.
         self.peer = 0
         self._former: set[int] = set()
@@ -353,7 +353,7 @@ class Session:
         return bool(self.peer) and now - self.last_reception < LIFETIME
 
     def _reason(self, packet: Packet, now: float) -> str:
-        """Return the evidence against a packet of the peer; empty if it is one."""
+        """Return the reason why a packet is not from the peer; empty if it is."""
         if packet.side == self._side:
             return f"both hosts are side:={packet.side}: one must be the other"
         if packet.session in self._former:
@@ -369,7 +369,7 @@ class Session:
         self.peer, self._newest, self._seen = packet.session, packet.sequence, 1
 
     def _follows(self, sequence: int, now: float) -> bool:
-        """Count a packet with a number above all before; return whether it is acceptable."""
+        """Count a packet with the highest number so far; return whether it is acceptable."""
         ahead = sequence - self._newest
         if not 0 < ahead <= FASTEST * (now - self.last_reception + LARGEST_JUMP):
             return False
@@ -400,7 +400,7 @@ class Session:
         return Admission.REFUSED
 
     def _came_in_vain(self, now: float) -> None:
-        """Record a packet with an unusable state; begin a new session if this persists."""
+        """Record a packet with an unusable state; start a new session if such packets persist."""
         if not now - self._vain[1] < LIFETIME:
             self._vain = now, now
         self._vain = self._vain[0], now
@@ -409,7 +409,8 @@ class Session:
 
 
 INTERVAL = NANOSECONDS
-"""Length of an interval, ns. The exchange with the shortest round trip in each is kept."""
+"""Length of an interval, ns. The exchange with the shortest round trip in each interval is
+kept."""
 
 FITTED_INTERVALS = 120
 """Number of intervals in the line fit."""
@@ -548,7 +549,7 @@ REMEMBERED = 4096
 """Number of packets whose times are stored for their echoes: 4 s."""
 
 CLOCKS_AGREE = 2e-3
-"""Clock offset, beyond its bound, that causes a warning, s."""
+"""Clock offset, in excess of its bound, that causes a warning, s."""
 
 
 class State(NamedTuple):
@@ -650,7 +651,7 @@ class Endpoint:
         motion : Motion
             Newest motion of the local arm.
         shipped : float
-            Cumulative energy given to the peer, J.
+            Cumulative energy sent to the peer, J.
         now, system : float, int
         """
         if state == self._said and now < self._due - EARLY * self._period:
@@ -661,7 +662,7 @@ class Endpoint:
         age = max(0.0, (system - motion.stamp) / NANOSECONDS) if motion.stamp else 0.0
         self._sent[self._sequence % REMEMBERED] = self._sequence, system, now - age
         own, peer = self.session.pair
-        # Energy counts for a pair of sessions, so none is given before the peer is known.
+        # Energy counts per pair of sessions, so none is sent before the peer is known.
         given = shipped if self._answered[0] == peer else 0.0
         first = self._next_sample - len(self._samples) // len(self._axes.names)
         return Packet(
@@ -700,7 +701,8 @@ class Endpoint:
         if admission is Admission.OVERTAKEN:
             return None
         if self.peer and packet.shipped < self.peer.shipped:
-            # One of the two values is wrong. Later values might never reach a wrong larger value.
+            # One of the two values is wrong. If the larger one is, later values might never reach
+            # it.
             self.session.refuse("the peer's energy values are inconsistent", now)
             self.session.renew()
             return None
@@ -724,8 +726,8 @@ class Endpoint:
     def round_trip_age(self, now: float) -> float:
         """Return the age of the newest local position that the peer acknowledged, s.
 
-        The local clock measures it, by the echo in the peer's packet; infinite before the first
-        echo.
+        The age is measured by the local clock and the echo in the peer's packet; infinite before
+        the first echo.
         """
         if not (self.peer and self._is_echoed(self.peer)):
             return math.inf
@@ -737,7 +739,7 @@ class Endpoint:
         return self._age_of(self.peer.stamp, system) if self.peer and self.peer.stamp else 0.0
 
     def problems(self, system: int, now: float) -> dict[str, str]:
-        """Return a line for the user for each kind of problem between the hosts."""
+        """Return a message for each kind of problem between the hosts."""
         refused, offset = self.session.problem(now), self.clock.offset(system)
         bound = self.clock.bound
         found = {refused: refused} if refused else {}

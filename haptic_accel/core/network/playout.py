@@ -25,16 +25,16 @@ ARRIVAL_WINDOW = 3.0
 ms."""
 
 LOWERING = 1e-3
-"""Minimum rate at which the target falls, s/s: it must stay high for the next burst. The excess
-decays with the time constant `ARRIVAL_WINDOW`."""
+"""Minimum rate at which the target falls, s/s; slow, so that the target remains high for the next
+burst. The excess decays with the time constant `ARRIVAL_WINDOW`."""
 
 STEPS = 50
 """Number of samples in which the delay changes by one sample: a change of pace by 2 %, which users
-do not feel."""
+do not notice."""
 
 SLACK = 0.5
-"""Minimum excess delay that is lowered, in samples, beyond one sample of rounding. A tick may
-jitter by half of this without a pace change."""
+"""Minimum excess delay that is reduced, in samples, in addition to one sample of rounding. A tick
+may jitter by half of this without a pace change."""
 
 TOLERANCE = 0.02
 """Maximum lag behind the target that counts as zero, in samples: rounding of times."""
@@ -50,7 +50,7 @@ gravity."""
 
 MISSED = 0.04
 """Excess delay above which samples are skipped, s: ticks were missed, or a host paused. From this
-delay on users feel a texture as late (Okamoto et al., IEEE Trans. Haptics 2(3), 2009)."""
+delay on users perceive a texture as late (Okamoto et al., IEEE Trans. Haptics 2(3), 2009)."""
 
 JUMP = 1.0
 """Change of a sample's age that indicates a new clock rather than network delay, s."""
@@ -98,8 +98,8 @@ class Playout:
     Attributes
     ----------
     counts : Counter
-        Number of samples played, by kind, and of ``late`` samples, which arrived after their due
-        time.
+        Number of samples played, by kind, and of ``late`` samples, which arrived after they were
+        due.
 
     Examples
     --------
@@ -144,13 +144,13 @@ class Playout:
 
     @property
     def position(self) -> float:
-        """Number of the sample played last, with its fraction; NaN while waiting."""
+        """Number of the last played sample, with its fraction; NaN while waiting."""
         return math.nan if self._position is None else self._position / STEPS
 
     def put(
         self, first: int, samples: Sequence[float], now: float, axes: Axes = ACTUATOR_AXES
     ) -> None:
-        """Add the samples of a packet; some or all may be known already.
+        """Add the samples of a packet; samples that are already known are ignored.
 
         Parameters
         ----------
@@ -161,7 +161,7 @@ class Playout:
         now : float
             Arrival time on the receiver's clock, s; must not decrease.
         axes : Axes
-            Axes of the components; others than before are those of a new sender.
+            Axes of the components; different axes indicate a new sender.
         """
         if axes is not self._axes and axes != self._axes:
             self._begin(axes)
@@ -202,7 +202,7 @@ class Playout:
         return Played(self._axes.vector(value), kind)
 
     def _begin(self, axes: Axes) -> None:
-        """Begin at rest with samples along some axes."""
+        """Start at rest, for samples along specified axes."""
         self._axes, self._rest = axes, (0.0,) * len(axes.names)
         self.clear()
 

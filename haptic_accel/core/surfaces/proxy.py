@@ -76,7 +76,7 @@ class Proxy:
         tool : tuple of float
             Position of the tool, m.
         margin : float
-            Distance in m.
+            Maximum distance of an object, m.
         """
         near: list[tuple[LocalPlane, float]] = []
         short = _ARRIVED
@@ -98,7 +98,7 @@ class Proxy:
     def _near(
         self, x: float, y: float, z: float, reach: float
     ) -> tuple[list[tuple[LocalPlane, float]], float]:
-        """Return planes of objects within reach, heights above them, and the longest safe step."""
+        """Return planes of nearby objects, heights above them, and the longest safe step."""
         travelled, due = self._travelled, self._due
         near = []
         clearance = math.inf
@@ -122,7 +122,7 @@ class Proxy:
 
 
 def _allowed(step: Vector, near: list[tuple[LocalPlane, float]]) -> float:
-    """Return the fraction of a step that stays above all planes, from given heights."""
+    """Return the fraction of a step that stays above all planes, from the initial heights."""
     share = 1.0
     for (_, normal, _), height in near:
         approach = -(normal[0] * step[0] + normal[1] * step[1] + normal[2] * step[2])
@@ -186,7 +186,7 @@ def _deepest(position: Vector, planes: list[LocalPlane]) -> tuple[float, Vector]
 
 
 def _split(normal: Vector, active: list[Vector]) -> tuple[Vector, list[float]]:
-    """Return the part of a normal orthogonal to up to three others, and its parts along them."""
+    """Split a normal into a part orthogonal to up to three others, and components along those."""
     x, y, z = normal
     if not active:
         return normal, []

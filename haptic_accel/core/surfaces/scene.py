@@ -76,7 +76,7 @@ class SceneObject:
         return self.shape.distances((points - self.position) @ self._matrix)
 
     def _inside(self, x: float, y: float, z: float) -> Vector:
-        """Return a point of the base frame in the shape's frame."""
+        """Transform a point from the base frame to the shape's frame."""
         o_x, o_y, o_z = self.position
         x, y, z = x - o_x, y - o_y, z - o_z
         return (x, y, z) if self.rotation == ZERO else product(self._columns, x, y, z)
@@ -93,7 +93,7 @@ class Scene:
         Position above which the tool starts, m.
     name : str
     mover : callable, optional
-        Function from parameters, scene and rate to the tool of a scene that moves.
+        Function that makes the tool of a moving scene from parameters, scene and rate.
 
     Raises
     ------

@@ -3,7 +3,7 @@
 
 """Shapes by their signed distance in their own frame: m, negative inside.
 
-They are solids by formula, height fields, and distance grids, for example of meshes.
+Shapes are solids by formula, height fields, and distance grids, for example of meshes.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ class Cylinder(Convex):
 
 
 SHAPES: Mapping[str, Any] = {"plane": Plane, "sphere": Sphere, "box": Box, "cylinder": Cylinder}
-"""Solids by formula, by their names in a file."""
+"""Solids by formula, by name in a file."""
 
 
 def _outside_corner(beyond: FloatArray) -> FloatArray:
@@ -193,7 +193,7 @@ class HeightField:
         Raises
         ------
         ParameterError
-            The samples are no table of finite numbers, or the spacing is not above 0.
+            The samples are not a table of finite numbers, or the spacing is not above 0.
         """
         _check("heights", self.heights, self.spacing, axes=2)
         steepest = _slopes(self.heights, self.spacing).max()
@@ -265,17 +265,18 @@ class DistanceGrid:
         Raises
         ------
         ParameterError
-            The samples are no table of finite numbers, the spacing is not above 0, or the solid
+            The samples are not a table of finite numbers, the spacing is not above 0, or the solid
             reaches the border.
         """
         _check("distances", self.grid, self.spacing, axes=3)
         inner = self.grid[1:-1, 1:-1, 1:-1]
         if (self.grid <= 0).sum() != (inner <= 0).sum():
             raise ParameterError("distances: must be above 0 m at the border of the grid")
-        # Python floats without a copy.
+        # A memory view returns Python floats without a copy.
         flat = np.ascontiguousarray(self.grid, dtype=float).ravel()
         object.__setattr__(self, "_flat", cast(Sequence[float], flat.data))
-        # Interpolated distances may have a gradient above 1; inside this does not matter.
+        # Interpolated distances may have a gradient above 1; this does not matter inside the
+        # solid.
         outside = _largest_of_cells(self.grid) > 0
         steepest = _slopes(self.grid, self.spacing)[outside].max()
         object.__setattr__(self, "_scale", 1 / max(1.0, float(steepest)))
@@ -311,13 +312,13 @@ class DistanceGrid:
         return np.where(outside > 0, np.hypot(values, outside), values)
 
     def _look(self, x: float, y: float, z: float) -> tuple[float, Vector, Vector]:
-        """Return value and gradient at the nearest grid position, and the vector from there."""
+        """Return distance and gradient at the nearest grid position, and the vector from it."""
         step, (c_x, c_y, c_z), (n, m, k) = self.spacing, self.corner, self.grid.shape
         a, b, c = (x - c_x) / step, (y - c_y) / step, (z - c_z) / step
         (i, u), (j, v), (h, w) = _interval(a, n), _interval(b, m), _interval(c, k)
         outside = ((a - i - u) * step, (b - j - v) * step, (c - h - w) * step)
         f, at = self._flat, (i * m + j) * k + h
-        # Along z, then y, then x.
+        # Interpolate along z, then y, then x.
         rows = (at, at + k, at + m * k, at + m * k + k)
         p, q, r, s = ((1 - w) * f[row] + w * f[row + 1] for row in rows)
         p_z, q_z, r_z, s_z = (f[row + 1] - f[row] for row in rows)
@@ -331,7 +332,7 @@ class DistanceGrid:
 
 
 def _check(name: str, samples: FloatArray, spacing: float, axes: int) -> None:
-    """Reject samples that are no table of finite numbers, and a spacing not above 0."""
+    """Reject samples that are not a table of finite numbers, and a spacing not above 0."""
     if samples.ndim != axes or min(samples.shape) < 2:
         raise ParameterError(
             f"{name}: shape {samples.shape}: must have {axes} axes with at least 2 samples each"

@@ -24,7 +24,7 @@ THRESHOLD_SPEED = 5e-3
 surface."""
 
 REFRACTORY_TIME = 0.03
-"""Time after a tap without another tap, s; a stiff contact bounces for 20 to 50 ms."""
+"""Minimum time between taps, s; a stiff contact bounces for 20 to 50 ms."""
 
 CROSS_FADE = 0.03
 """Time from a tap until the texture has its full amplitude, s."""
@@ -62,8 +62,7 @@ class TapModel:
     speeds : ndarray, shape (m,)
         Impact speeds of the recorded set, m/s, increasing and above 0.
     samples : ndarray, shape (m, k)
-        Acceleration in m/s^2 for each impact speed; the first sample is one period after the
-        impact.
+        Acceleration for each impact speed, m/s^2; the first sample is one period after the impact.
     rate : float
         Samples per second of the recorded set.
     provenance : Provenance
@@ -71,7 +70,7 @@ class TapModel:
     Raises
     ------
     ParameterError
-        Both or neither of modes and recordings are given, or values and shapes are invalid.
+        Both or neither of modes and recordings are specified, or values and shapes are invalid.
     """
 
     modes: tuple[Mode, ...] = ()
@@ -81,7 +80,7 @@ class TapModel:
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
-        """Check that exactly one kind of tap is given, and that it is complete."""
+        """Check that there are either modes or recordings, and that they are complete."""
         check_positive_rate(self.rate)
         if bool(self.modes) == bool(np.size(self.speeds)):
             raise ParameterError("tap: must have either modes or a recorded set")
@@ -144,13 +143,12 @@ class Tap:
     Raises
     ------
     ParameterError
-        `rate` is no positive number, or is out of range for resampling the recordings.
+        `rate` is not a positive number, or is out of range for resampling the recordings.
     """
 
     def __init__(self, model: TapModel, rate: float) -> None:
         speeds, waves = model.waveforms(rate)
-        # A row of zeros for zero speed: below the slowest recorded tap the amplitude is
-        # interpolated to it.
+        # A row of zeros for zero speed, so that amplitudes are interpolated below the slowest tap.
         self._speeds = np.concatenate([[0.0], speeds])
         self._waves = np.vstack([np.zeros((1, waves.shape[1])), waves])
         self._refractory = math.ceil(REFRACTORY_TIME * rate)
@@ -159,7 +157,7 @@ class Tap:
         self._age = max(self._refractory, self._fade)  # samples since the last tap
 
     def strike(self, speed: float) -> None:
-        """Start a tap; its first acceleration is the next result of `synthesize`.
+        """Start a tap, whose first acceleration is the next result of `synthesize`.
 
         Parameters
         ----------

@@ -7,8 +7,8 @@ White noise passes an autoregressive filter, whose line spectral frequencies are
 between recorded speeds and forces (Culbertson, Unwin, Kuchenbecker, IEEE ToH 7(3), 2014).
 
 Line spectral frequencies (Itakura 1975; Soong, Juang 1984): a polynomial A(z) = 1 + a_1 z^-1 + ...
-+ a_p z^-p is half the sum of a symmetric and an antisymmetric one, whose roots lie on the unit
-circle. The roots' angles in (0, pi) alternate if and only if all roots of A are inside.
++ a_p z^-p is half the sum of a symmetric and an antisymmetric polynomial, whose roots lie on the
+unit circle. The roots' angles in (0, pi) alternate if and only if all roots of A are inside.
 Interpolation of the angles between two stable polynomials thus gives a stable one.
 """
 
@@ -42,11 +42,11 @@ def to_polynomial(lsf: FloatArray) -> FloatArray:
     ahead = np.zeros((*lsf.shape[:-1], order + 2))
     behind = np.zeros_like(ahead)
     symmetric, antisymmetric = _product(lsf[..., 0::2]), _product(lsf[..., 1::2])
-    if order % 2:  # fixed roots of the antisymmetric one: 1 and -1
+    if order % 2:  # fixed roots of the antisymmetric polynomial: 1, -1
         ahead += symmetric
         ahead[..., :-2] += antisymmetric
         behind[..., 2:] = antisymmetric
-    else:  # -1 of the symmetric one, 1 of the antisymmetric one
+    else:  # fixed roots: -1 symmetric, 1 antisymmetric
         ahead[..., :-1] = symmetric + antisymmetric
         behind[..., 1:] = antisymmetric - symmetric
     return np.asarray((ahead - behind)[..., :-1] / 2)
@@ -96,7 +96,7 @@ def _angles(coefficients: FloatArray) -> FloatArray:
     """Return the angles of a symmetric polynomial's roots; NaN for roots off the circle."""
     half = len(coefficients) // 2
     series = 2 * coefficients[half:]
-    series[0] /= 2  # in cosines of multiples of the angle
+    series[0] /= 2  # coefficients of cosines of multiples of the angle
     cosines = np.polynomial.chebyshev.chebroots(series)
     on_circle = (np.abs(cosines.imag) < 1e-7) & (np.abs(cosines.real) < 1)
     return np.sort(np.arccos(np.where(on_circle, cosines.real, np.nan)))
@@ -114,7 +114,7 @@ def levinson(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     Parameters
     ----------
     covariance : ndarray, shape (..., p + 1)
-        Autocovariances at lags 0 to p; the biased ones for a signal of finite length.
+        Autocovariances at lags 0 to p; for a signal of finite length, the biased estimates.
 
     Returns
     -------
@@ -143,7 +143,7 @@ _FLOOR = 1e-9
 def autocovariance(polynomial: FloatArray, lags: int) -> FloatArray:
     """Return autocovariances from lag 0 on of unit white noise divided by polynomials.
 
-    The inverse of `levinson`.
+    This is the inverse of `levinson`.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ class Places(NamedTuple):
     weights : ndarray, shape (m, 3)
         Weights of the nodes at the point, from 0 to 1, with the sum 1.
     affine : ndarray, shape (m, 3, 3)
-        The weights near the point are its product with (speed, force, 1).
+        Matrix whose product with (speed, force, 1) gives the weights near the point.
     """
 
     corners: IntArray
@@ -395,7 +395,7 @@ class TextureModel:
         return self._plane.triangles
 
     def locate(self, speeds: FloatArray, forces: FloatArray) -> Places:
-        """Return the positions of speeds, m/s, and forces, N, or the nearest ones in the hull."""
+        """Locate speeds, m/s, and forces, N, or the nearest points in the hull."""
         return self._plane.locate(np.column_stack([speeds, forces]))
 
     def spectrum(self, speed: float, force: float, frequency: FloatArray) -> FloatArray:
@@ -458,7 +458,8 @@ class _Cells:
     forward, feedback : ndarray, shape ((`CELLS` + 1)^2, order)
         Coefficients without the first, 1.
     deviation : ndarray, shape ((`CELLS` + 1)^2, 3)
-        Its product with (speed, force, 1) is the deviation of the innovation in a cell, m/s^2.
+        Coefficients whose product with (speed, force, 1) is the innovation's deviation in a cell,
+        m/s^2.
     largest : ndarray, shape ((`CELLS` + 1)^2,)
         Maximum of this deviation, for cells that extend into another triangle.
     """
@@ -472,8 +473,8 @@ class _Cells:
         self.forward, self.feedback = forward[:, 1:], feedback[:, 1:]
         # Interpolate the acceleration's RMS, not the innovation's. Between nodes with different
         # spectra, peaks are wider than at either, and the same innovation gives less acceleration.
-        # Nor its power: vibration grows in proportion to speed or faster, so that a line in power
-        # from rest to the slowest node is too loud in between, by 41 % in the middle.
+        # The power is not interpolated either: vibration grows at least in proportion to speed, so
+        # linear power from rest to the slowest node is too loud in between, by 41 % in the middle.
         corners = model.rms[positions.corners] / np.sqrt(power_gain(forward, feedback))[:, None]
         self.deviation = np.einsum("mi,mij->mj", corners, positions.affine)
         self.largest = corners.max(axis=1)
@@ -481,7 +482,7 @@ class _Cells:
 
 @lru_cache(maxsize=32)
 def _rendered(model: TextureModel, rate: float) -> tuple[TextureModel, _Cells]:
-    """Return a model at a rate with its filters; cached, as scenes may be switched repeatedly."""
+    """Return a model at a rate, and its filters; cached, as scenes may be switched repeatedly."""
     model = model.at_rate(rate)
     return model, _Cells(model)
 

@@ -21,10 +21,10 @@ from haptic_accel.core.surfaces.tool import Contact, VirtualTool, added, along
 from haptic_accel.core.tick.rigs import LONGEST_ADVANCE, SimulatedArm, encoded, limited
 
 RINGING = 0.25
-"""Time for which a texture decays after the contact, s; then there is no computation."""
+"""Time for which a texture decays after the contact, s; its synthesis then stops."""
 
 _WHOLE = 1e-3
-"""Fraction of a period by which a sample may be early, as clocks have finite steps."""
+"""Fraction of a period by which a sample may be early, due to the clock's resolution."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Vibration:
         self._texture = Texture(material.texture, rate, seed) if material.texture else None
         self._tap = Tap(material.tap, rate) if material.tap else None
         self._ringing = math.ceil(RINGING * rate)
-        self._left = 0  # remaining samples until it is silent
+        self._left = 0  # samples until silent
 
     @property
     def saturated(self) -> int:
@@ -83,14 +83,14 @@ class Vibration:
 class VirtualArm(SimulatedArm):
     """Tool in a scene, moved by the arm's motors.
 
-    Textures and taps of the touched materials give its acceleration. The vibration of one material
-    decays while the next starts. The tool stands still until the arm's first force, and returns to
-    its start after a release.
+    Textures and taps of the touched materials cause the acceleration. The vibration of one
+    material decays while the next starts. The tool stands still until the arm's first force, and
+    returns to its start after a release.
 
-    An accelerometer along z measures this vibration wherever the normal points. One with more axes
-    measures it along the normal, the change of friction that it causes against the motion, and the
-    tool's own acceleration along the surface, such as that of stick-slip. The tool does not turn,
-    so its frame is that of the arm.
+    A single-axis accelerometer (z) measures this vibration for any direction of the normal. An
+    accelerometer with more axes measures it along the normal. It also measures the resulting
+    change of friction, against the motion, and the tool's acceleration along the surface, such as
+    that of stick-slip. The tool does not turn, so its frame is that of the arm.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ class VirtualArm(SimulatedArm):
         self.contact: Contact | None = None
 
     def feel(self) -> bool:
-        """Set the force of the scene on the tool."""
+        """Compute the force of the scene on the tool, which is always known."""
         force = self.contact.force if self.contact else ZERO
         self.contact_x, self.contact_y, self.contact_z = force
         return True
@@ -142,7 +142,7 @@ class VirtualArm(SimulatedArm):
                 self.tool.put_back()
 
     def observe(self) -> None:
-        """Take the present readings of the encoders, and the acceleration."""
+        """Sample the encoders and the acceleration."""
         at, tool, resolution = self.reading, self.tool, self._arm.position_resolution
         at.x, at.y, at.z = (encoded(each, resolution) for each in tool.position)
         at.v_x, at.v_y, at.v_z = tool.velocity
@@ -183,7 +183,7 @@ class VirtualArm(SimulatedArm):
 
 
 class VirtualRig(Rig):
-    """Tool in a scene; parameters as for `VirtualArm`, and the seed of the textures."""
+    """Rig with a tool in a scene; parameters of `VirtualArm`, and the textures' seed."""
 
     def __init__(
         self, parameters: VirtualRigParameters, scene: Scene, rate: float, seed: int = 0

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arm of ODrives: arming, torques and tip position, without a bus or a clock."""
+"""Arm driven by ODrives: arming, torques and tip position, without bus or clock."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from haptic_accel.devices.connection import AUTO
 from haptic_accel.devices.interface import Joints, Sample
 
 SHORTEST = 1e-9
-"""Shortest distance to divide by, m."""
+"""Minimum distance used as a divisor, m."""
 
 Angles: TypeAlias = tuple[float, ...]
 """One value per joint: rad, rad/s or N m."""
@@ -74,7 +74,7 @@ class ArticulatedArm:
         Angles in the middle of the workspace, far from singularities, rad.
     """
 
-    # Upper link horizontal, forearm hanging: the links are at right angles.
+    # Upper link horizontal, forearm vertical: the links are at right angles.
     home: Angles = (0.0, 0.0, 0.0)
 
     def __init__(self, parameters: LinkParameters) -> None:
@@ -149,15 +149,15 @@ def kinematics_of(parameters: CanParameters) -> Kinematics:
 
 
 REPEAT_PERIOD = 5e-3
-"""Time after which torques are sent again, s. The time-out of an axis' watchdog should be several
+"""Interval for repeating torques, s. The time-out of an axis' watchdog should be several
 times this."""
 
 ARMING_PERIOD = 0.25
-"""Time after which the commands to arm are repeated, s; a heartbeat takes 0.1 s."""
+"""Interval for repeating the commands to arm, s; heartbeats come every 0.1 s."""
 
 LONGEST_SILENCE = 1.0
 """Longest time without commands until a drive must release its motor by itself, s. Emulated drives
-on busy machines need this; 0.02 s is recommended."""
+on busy machines need that long; 0.02 s is recommended."""
 
 NO_WATCHDOG = (
     "goes on without commands: set axis0.config.enable_watchdog = True and"
@@ -172,16 +172,16 @@ LARGEST_ACCELERATION = 3000.0
 """Largest acceleration of a motor, turns/s^2: ten times that of a hand that shakes a light arm."""
 
 FASTER_BETWEEN = 1.5
-"""Largest speed between two estimates relative to the speeds that they report."""
+"""Maximum speed between two estimates, relative to the reported speeds."""
 
 LONGEST_QUEUED = 20e-3
-"""Longest period of estimates, s. Those that have waited in a queue arrive at the same time."""
+"""Longest period of estimates, s. Estimates from a queue arrive at the same time."""
 
 UNDECIDED = 1.0
-"""Time after a jump for which nobody knows whose estimates arrive, s."""
+"""Time after a jump for which the source of estimates is uncertain, s."""
 
 ON_REQUEST = "disarmed on request"
-"""Reason why there are no torques after `DrivenArm.disarm`."""
+"""Reason for missing torques after `DrivenArm.disarm`."""
 
 COUNTED = (
     "foreign_frames",
@@ -208,7 +208,7 @@ class State(Enum):
 
 @dataclass
 class Axis:
-    """Latest state of one joint and its drive; times in s, minus infinity for never.
+    """Latest state of one joint and its drive; times in s, or minus infinity if there is none.
 
     Attributes
     ----------
@@ -224,9 +224,9 @@ class Axis:
     reported : float
         Time of the last heartbeat.
     jumped : float
-        Time of the last estimates that contradicted those before.
+        Time of the last estimates that contradicted the previous ones.
     jump : str
-        Their contradiction.
+        Description of that contradiction.
     """
 
     name: str
@@ -242,15 +242,15 @@ class Axis:
 
 
 class DrivenArm:
-    """Axes that have torques only while all axes work.
+    """Axes that exert torques only while all axes work.
 
-    Called by two threads: one reads the bus, the other moves the arm.
+    Two threads call the methods: one reads the bus, the other moves the arm.
 
     Parameters
     ----------
     parameters : CanParameters
     send : callable
-        Sends frames; returns False on failure.
+        Function that sends frames; returns False on failure.
 
     Attributes
     ----------
@@ -310,7 +310,7 @@ class DrivenArm:
             self._react(axis)
 
     def update(self, now: float) -> None:
-        """Disarm if something is wrong, continue arming, feed the drives' watchdogs."""
+        """Disarm on a problem, continue arming, feed the drives' watchdogs."""
         with self._lock:
             if self.state is State.ARMED:
                 for axis in self._axes:
@@ -323,7 +323,8 @@ class DrivenArm:
             elif self._may_rearm(now):
                 self.arm(now)
             # Zero may be repeated forever. Only the commanding thread may repeat other torques, so
-            # that the watchdogs stop the drives if it hangs. A request feeds watchdogs, too.
+            # that the watchdogs stop the drives if that thread hangs. A request also feeds
+            # watchdogs.
             if not any(self.torques):
                 if self.state is not State.DISARMED:
                     self._send_torques(now, REPEAT_PERIOD)
@@ -336,7 +337,7 @@ class DrivenArm:
             axis.reported = axis.estimated = -math.inf
 
     def release(self) -> None:
-        """Release all axes, which may still exert their last torques when a bus is back."""
+        """Release all axes, which may still exert their last torques after a bus was lost."""
         with self._lock:
             self.state, self.torques = State.DISARMED, self._zero
             self._send(_idle(self.nodes))
@@ -348,10 +349,10 @@ class DrivenArm:
         return ", ".join(axis.name for axis in self._axes if self._silent(axis, now))
 
     def arm(self, now: float, *, test: bool = False) -> None:
-        """Begin to arm: clear errors, then enter closed loop with zero torques.
+        """Start arming: clear errors, then enter closed loop with zero torques.
 
-        With a test, sending then stops until every drive's watchdog has released its motor, as it
-        must if this process hangs; then the axes are armed again.
+        With `test`, sending then pauses until every drive's watchdog has released its motor, as
+        required if this process hangs. Then the axes are armed again.
         """
         with self._lock:
             self._tests = test
@@ -366,7 +367,7 @@ class DrivenArm:
             self._recovers, self.fault = False, ON_REQUEST
 
     def apply(self, force: Vector, now: float) -> None:
-        """Apply a force to the tip, N, while armed and as far as the motors' limits allow."""
+        """Apply a force to the tip, N, while armed, within the motors' limits."""
         if not math.isfinite(sum(force)):
             self._counts["rejected_forces"] += 1
             force = ZERO
@@ -382,8 +383,8 @@ class DrivenArm:
     def read(self, now: float) -> Sample | None:
         """Return the tip's position and velocity, and repeat torques that are due.
 
-        Without estimates there is no sample; such reads are counted. There is no accelerometer:
-        the acceleration is zero.
+        Without estimates there is no sample; such reads are counted. The acceleration is zero, as
+        there is no accelerometer.
         """
         with self._lock:
             if self.state is State.ARMED:
@@ -421,21 +422,21 @@ class DrivenArm:
         return [axis.joint.angle_per_turn * axis.speed for axis in self._axes]
 
     def _limited(self, joint_torques: FloatArray) -> Angles:
-        """Return the motors' torques, all scaled alike, so that the force keeps its direction."""
+        """Return the motors' torques, scaled by one factor to keep the force's direction."""
         joints = [axis.joint for axis in self._axes]
         pairs = zip(joints, joint_torques.tolist(), strict=True)
         torques = [joint.motor_torque(torque) for joint, torque in pairs]
         pairs = zip(joints, torques, strict=True)
         scale = min([1.0, *(joint.torque_limit / abs(t) for joint, t in pairs if t)])
         self._counts["limited_torques"] += scale < 1.0
-        # An infinite torque times a scale of zero would be no number.
+        # An infinite torque times a scale of zero would be NaN.
         return tuple(torque * scale for torque in torques) if scale else self._zero
 
     def _send(self, messages: Iterable[protocol.Message]) -> None:
         self._send_frames([message.frame() for message in messages])
 
     def _send_torques(self, now: float, period: float = 0.0) -> None:
-        """Send torques if due and if the state is not FALLING_SILENT."""
+        """Send torques if they are due and the state is not FALLING_SILENT."""
         if self.state is not State.FALLING_SILENT and now - self._torques_sent >= period:
             self._torques_sent = now
             torques = zip(self.nodes, self.torques, strict=True)
@@ -467,7 +468,7 @@ class DrivenArm:
                 self._send(_idle([axis.joint.node_id]))
 
     def _wrong(self, axis: Axis) -> str:
-        """Return the problem that an axis reports; empty for none."""
+        """Return the problem that an axis reports; empty if none."""
         if axis.error:
             return f"{axis.name}: {protocol.error_names(axis.error, self._p.firmware)}"
         if axis.state != AxisState.CLOSED_LOOP_CONTROL:
@@ -475,7 +476,7 @@ class DrivenArm:
         return ""
 
     def _overdue(self, axis: Axis, now: float) -> str:
-        """Return an axis' overdue report; empty if none is."""
+        """Return a text on an axis' overdue report; empty if none is overdue."""
         if self._silent(axis, now):
             return f"{axis.name}: no heartbeat for {self._p.heartbeat_timeout:g} s"
         if now - axis.jumped < UNDECIDED:
@@ -499,8 +500,8 @@ class DrivenArm:
         elif now - self._arming_since > self._p.start_timeout:
             self._disarm_for(missing)
         elif now - self._arming_sent > ARMING_PERIOD:
-            # An error that returns after clearing would return again; an expired watchdog shows a
-            # pause of this process, which may not recur.
+            # An error that returns after clearing is persistent. An expired watchdog is not: it
+            # shows a pause of this process.
             errors = [self._fault(a) for a in self._axes if a.reported > self._arming_since]
             if any(errors):
                 self._disarm_for(missing)
@@ -534,7 +535,7 @@ class DrivenArm:
         return ""
 
     def _fault(self, axis: Axis) -> int:
-        """Return an axis' errors except the watchdog's, which expires on bus loss."""
+        """Return an axis' error bits except that of the watchdog, which expires on bus loss."""
         return axis.error & ~protocol.WATCHDOG_TIMER_EXPIRED[self._p.firmware]
 
     def _may_rearm(self, now: float) -> bool:
@@ -544,14 +545,14 @@ class DrivenArm:
 
 
 def _jump(axis: Axis, report: protocol.Estimates, now: float) -> str:
-    """Return the contradiction of new estimates to the last ones; empty for none.
+    """Return a text on how new estimates contradict the last ones; empty if they do not.
 
     Two drives with one node id report the positions of two motors in turns.
     """
     seconds = now - axis.estimated
     speed = max(abs(axis.speed), abs(report.velocity))
     explained = FASTER_BETWEEN * speed * max(seconds, LONGEST_QUEUED)
-    explained += LARGEST_ACCELERATION * seconds**2 / 4  # from rest to rest
+    explained += LARGEST_ACCELERATION * seconds**2 / 4  # acceleration and braking
     change = report.position - axis.turns
     if not abs(change) > JUMP + explained:
         return ""

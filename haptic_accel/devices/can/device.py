@@ -3,7 +3,7 @@
 
 """Devices `can`: arms on a CAN bus, without accelerometer and actuator.
 
-Errors of the bus, which python-can opens, are explained in one line.
+Messages for errors of the bus, which python-can opens, have one line.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _REASONS = {
 
 
 def bus_configuration(parameters: CanParameters) -> dict[str, Any]:
-    """Return python-can's configuration, in which the given parameters take precedence.
+    """Return python-can's configuration, in which the parameters take precedence.
 
     Precedence: the parameters; the environment's CAN_INTERFACE, CAN_CHANNEL, CAN_BITRATE and
     CAN_CONFIG, first with ``_<context>`` appended, then without; can.conf, first its section
@@ -103,7 +103,7 @@ def open_bus(configuration: dict[str, Any], nodes: list[int]) -> can.BusABC:
     Parameters
     ----------
     configuration : dict
-        As `bus_configuration` returns it.
+        Result of `bus_configuration`.
     nodes : list of int
         Nodes whose frames to receive; all if empty.
 
@@ -112,7 +112,7 @@ def open_bus(configuration: dict[str, Any], nodes: list[int]) -> can.BusABC:
     DeviceError
         The bus cannot be opened; one line with a remedy.
     ParameterError
-        A channel must be given.
+        The channel is missing.
     """
     import can
 
@@ -184,8 +184,8 @@ class CanArm(Device):
         Raises
         ------
         DeviceError
-            The bus cannot be opened, an axis does not report, does not go into closed loop, or
-            stays there without commands.
+            The bus cannot be opened, an axis does not report, does not enter closed loop, or stays
+            in closed loop without commands.
         ParameterError
             The interface does not exist.
         """
@@ -208,13 +208,13 @@ class CanArm(Device):
             raise
 
     def read(self, time: float) -> Sample | None:
-        """Return the tip's newest position and velocity, None if too old; never block."""
+        """Return the tip's newest position and velocity without blocking; None if too old."""
         return self._arm.read(monotonic())
 
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
-        """Send the torques for a force of the tip; an actuator's force is ignored."""
+        """Send the torques for a force of the tip; ignore an actuator's force."""
         if arm_force is not None:
             self._arm.apply(arm_force, monotonic())
 
@@ -228,7 +228,7 @@ class CanArm(Device):
 
     @property
     def remark(self) -> str:
-        """Bus load, with a warning if too high, and the drives' reaction to silence."""
+        """Bus load, with a warning if it is too high, and the watchdogs' reaction time."""
         longest = self._arm.longest_silence
         return f"can: {self._channel}: {self.load}, without commands no torque in {longest:.2f} s"
 
@@ -262,7 +262,7 @@ class CanArm(Device):
         return "" if self._arm.state is State.ARMED else self._arm.fault
 
     def arm(self) -> bool | None:
-        """Begin to arm, within a heartbeat or two; return None, or False without a bus.
+        """Start arming, which takes one or two heartbeats; return None, or False without a bus.
 
         Torques are zero until the next force; `armed` and `problem` show the result.
         """
@@ -278,7 +278,7 @@ class CanArm(Device):
         return " ".join(name for name in names if name)
 
     def _wait_while(self, pending: Callable[[], T], longest: float = 0.0) -> T:
-        """Wait while `pending` returns something, up to a time limit; return its value."""
+        """Wait while `pending` returns a true value, up to a time limit; return the last value."""
         deadline = monotonic() + (longest or self._p.start_timeout) + POLL_PERIOD
         while (still := pending()) and monotonic() < deadline:
             sleep(POLL_PERIOD)
@@ -301,15 +301,15 @@ RECEIVE_TIMEOUT = 2e-3
 """Longest time between two periodic updates of the arm, s."""
 
 LONGEST_QUEUE = 100
-"""Most frames received between two periodic updates of the arm."""
+"""Maximum number of frames received between two periodic updates of the arm."""
 
 SEND_TIMEOUT = 50e-3
 """Longest time that a full transmit buffer may delay a command, s. With 0, serial interfaces would
-send half frames. Delays of this process by other processes count too."""
+send half frames. Delays by other processes are included."""
 
 
 COUNTED = "frames_received", "frames_sent", "frames_garbled", "send_failures"
-"""Names of a link's counts."""
+"""Names of the counters of a link."""
 
 
 class ArmLink(Connection):
@@ -348,7 +348,7 @@ class ArmLink(Connection):
             self.arm.release()
 
     def _receive(self) -> None:
-        """Receive all frames: after a stall, queued frames must not seem lost."""
+        """Receive all frames, so that queued frames do not seem lost after a stall."""
         timeout = RECEIVE_TIMEOUT
         for _ in range(LONGEST_QUEUE):
             try:
@@ -358,8 +358,8 @@ class ArmLink(Connection):
                 if not isinstance(error.__cause__ or error, (ValueError, IndexError)):
                     raise DeviceError(one_line(error)) from error
                 self.counts["frames_garbled"] += 1
-                # The driver would keep the unreadable data, and fail again: slcan reads lines of
-                # text, and may lose bytes.
+                # Flush, or the driver would keep the unreadable data and fail again: slcan reads
+                # lines of text, and may lose bytes.
                 flush = getattr(self._bus, "flush", lambda: None)
                 with suppress(Exception):
                     flush()
@@ -378,7 +378,7 @@ class ArmLink(Connection):
             self.connected = False
             bus, self._bus = self._bus, None
         if bus is not None:
-            # A lost bus cannot be closed in order.
+            # Closing a lost bus may fail.
             with suppress(Exception):
                 bus.shutdown()
             self.arm.lose()

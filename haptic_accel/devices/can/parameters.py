@@ -193,7 +193,7 @@ class CanParameters(Checked):
     joint3: JointParameters = field(default_factory=ThirdJointParameters)
 
     def __post_init__(self) -> None:
-        """Check all fields, that options can be read, and that no joints share a node.
+        """Check all fields, and that the options are readable and the joints' nodes differ.
 
         Raises
         ------
@@ -210,7 +210,7 @@ class CanParameters(Checked):
 
     @property
     def joints(self) -> dict[str, JointParameters]:
-        """Joints of these kinematics, by name."""
+        """Joints of the selected kinematics, by name."""
         joints = self.joint1, self.joint2, self.joint3
         count = 1 + KINEMATICS.index(self.kinematics)
         return {f"joint{number + 1}": joints[number] for number in range(count)}

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ODrive's CANSimple as bytes: build and read frames, without a bus; the load that they make.
+"""ODrive's CANSimple protocol: build and read frames, without a bus; bus load by the frames.
 
 Frames have standard ids: the axis' node in the upper 6 of 11 bits, the command in the lower 5. All
 numbers are little-endian. The layout follows ODrive's public firmware 0.5.6
@@ -28,7 +28,7 @@ HIGHEST_ID = 0x7FF
 """Highest standard id, of 11 bits."""
 
 LARGEST_TORQUE = 1e4
-"""Largest torque accepted, N m: more than any motor's."""
+"""Largest accepted torque, N m; no motor reaches it."""
 
 
 class Command(IntEnum):
@@ -141,9 +141,9 @@ class Frame(NamedTuple):
 
 @dataclass(frozen=True)
 class Message:
-    """Base of messages: the content of a frame to or from an axis.
+    """Base class of messages, the contents of frames to or from an axis.
 
-    A subclass gives its command, its data layout and the matching fields.
+    A subclass specifies its command, its data layout and the matching fields.
 
     Attributes
     ----------
@@ -208,7 +208,7 @@ class EmergencyStop(Message, command=Command.ESTOP):
 
 @dataclass(frozen=True)
 class ClearErrors(Message, command=Command.CLEAR_ERRORS, layout="<x"):
-    """Order to clear errors; its zero byte keeps 0.6 from blinking; 0.5 ignores it."""
+    """Order to clear errors. The zero byte prevents blinking in 0.6; 0.5 ignores this byte."""
 
 
 @dataclass(frozen=True)
@@ -255,12 +255,12 @@ ORDERS: dict[int, type[Message]] = {
 
 
 def parse_report(frame: Frame) -> Message | None:
-    """Read a frame from an axis; None if it is of another kind or invalid."""
+    """Return the message of a frame from an axis; None for other or invalid frames."""
     return _parse(frame, REPORTS)
 
 
 def parse_order(frame: Frame) -> Message | None:
-    """Read a frame to an axis; None if it is of another kind or invalid."""
+    """Return the message of a frame to an axis; None for other or invalid frames."""
     if frame.command == Command.ENCODER_ESTIMATES and (frame.remote or not frame.data):
         return EstimatesRequest(frame.node)
     return _parse(frame, ORDERS)
@@ -275,7 +275,7 @@ def _parse(frame: Frame, kinds: Mapping[int, type[Message]]) -> Message | None:
 
 
 def error_names(error: int, firmware: str) -> str:
-    """Return the names of a heartbeat's error bits; empty for none.
+    """Return the names of a heartbeat's error bits; empty if there are none.
 
     Parameters
     ----------
@@ -305,8 +305,7 @@ STUFFED_BITS = 34
 """Bits from start to CRC, where a bit is stuffed after five equal bits."""
 
 FULL_LOAD = 0.8
-"""Largest load with a margin, as frames are repeated after errors, and wait for others. A rule of
-thumb (assumed)."""
+"""Largest load that leaves a margin for repeated and waiting frames (assumed rule of thumb)."""
 
 HEARTBEAT_RATE = 10.0
 """Default rate of ODrive's heartbeats, Hz."""
@@ -315,10 +314,10 @@ ESTIMATES_BYTES, TORQUE_BYTES, HEARTBEAT_BYTES = 8, 4, 8
 
 
 def frame_bits(data_bytes: int) -> int:
-    """Return a standard-id frame's maximum bits, including stuff bits.
+    """Return the maximum number of bits in a standard-id frame, including stuff bits.
 
-    In the worst case the first stuff bit follows five bits, and each other follows four, as stuff
-    bits count too (Davis et al., Real-Time Systems 35, 2007).
+    In the worst case the first stuff bit follows five bits, and each further one follows four, as
+    stuff bits also count (Davis et al., Real-Time Systems 35, 2007).
 
     Parameters
     ----------
@@ -361,17 +360,17 @@ class BusLoad:
 
     @property
     def bits(self) -> float:
-        """Bits per second."""
+        """Bits per second on the bus."""
         return self.joints * (self.rate * self.cycle + HEARTBEATS)
 
     @property
     def share(self) -> float:
-        """Load as a share of the bus; more than 1 is impossible."""
+        """Load as a fraction of the bus' capacity; above 1 it is impossible."""
         return self.bits / self.bitrate
 
     @property
     def fits(self) -> bool:
-        """True if there is room to spare."""
+        """True if the load is at most `FULL_LOAD`."""
         return self.share <= FULL_LOAD
 
     @property

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Client of an arm's CRTK topics; imports ROS, so import it late."""
+"""Client of an arm's CRTK topics; imports ROS, so import this module late."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from haptic_accel.core.topics import SLAVE
 from haptic_accel.devices import rclpy_internals as internals
 
 NODE = "haptic_accel_client"
-"""Name of the node."""
+"""Name of the client's node."""
 
 DEPTH = 10
 """Number of messages kept until they are taken, of which the newest counts."""
@@ -39,10 +39,10 @@ DELIVERY = 0.2
 """Longest time for the arm to confirm the last force, s."""
 
 ABSOLUTE = "set_cf_orientation_absolute"
-"""Topic beside a dVRK's `body/servo_cf`: true selects the base frame's orientation."""
+"""Topic of a dVRK, next to `body/servo_cf`: true selects the base frame's orientation."""
 
 _SENSOR = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Quality compatible with any publisher."""
+"""Quality of service compatible with any publisher."""
 
 _LATCHED = QoSProfile(depth=DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -50,17 +50,17 @@ _LATCHED = QoSProfile(depth=DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 class Signal:
     """Newest vector of a topic, unless it has several publishers.
 
-    Its stamp gives its age: it must advance, and agree with the clock. The subscription has no
-    executor: a message wakes no thread.
+    The stamp gives the vector's age; it must advance, and agree with the clock. The subscription
+    has no executor, so messages wake no thread.
 
     Attributes
     ----------
     orientation : Orientation
-        Newest orientation, of a topic of poses.
+        Newest orientation, if the topic has poses.
     refused : int
         Number of messages whose stamp or vector cannot be used.
     refusal : str
-        Why the newest message was refused; empty if it was not, or long ago.
+        Reason why the newest message was refused; empty if it was accepted, or is old.
     """
 
     def __init__(
@@ -81,9 +81,10 @@ class Signal:
         return self._count()
 
     def newest(self, timeout: float) -> Vector | None:
-        """Return the newest vector; None if older than a time-out in s.
+        """Return the newest vector; None if it is older than a time-out in s.
 
-        Also None while the topic has several publishers, which are indistinguishable.
+        The result is also None while the topic has several publishers, which are
+        indistinguishable.
         """
         taken = list(self._waiting())
         if self._publisher.sole([facts["publication_sequence_number"] for _, facts in taken]):
@@ -98,14 +99,14 @@ class Signal:
         return self._vector if now - self._seen <= timeout else None
 
     def _waiting(self) -> Iterator[tuple[bytes, dict[str, int]]]:
-        """Yield received messages with their facts."""
+        """Yield received messages with their metadata."""
         while taken := self._take():
             yield taken
 
     def _put(self, data: bytes, received: int) -> None:
         """Store a vector; refuse one that is malformed, not finite, or late when received, ns.
 
-        A message may wait here for its reader, which is no fault of its sender.
+        The time that a message waits in the queue is not counted as its delay.
         """
         now = time.time_ns()
         waited = max(0, now - received) if received else 0  # unknown to some middleware
@@ -138,7 +139,7 @@ class ArmClient:
     force : str
         Topic of the arm's force below it.
     rate : float
-        Samples per second that are used.
+        Samples per second that are read.
 
     Attributes
     ----------
@@ -176,7 +177,7 @@ class ArmClient:
                 self._messages.StringStamped, "state_command", QoSProfile(depth=DEPTH)
             )
             state = self._messages.OperatingState
-            # Transient-local subscriptions get latched states, volatile subscriptions others.
+            # Transient-local subscriptions receive latched states, volatile ones all other states.
             self._states = [
                 internals.message_taker(
                     self._subscription(state, "operating_state", profile), serve
@@ -198,7 +199,7 @@ class ArmClient:
         return self._state
 
     def push(self, force: Vector) -> None:
-        """Send a force, N, as of now."""
+        """Send a force, N, stamped with the present time."""
         self._send_force(self._pack(time.time_ns(), force))
 
     @property

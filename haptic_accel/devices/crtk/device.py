@@ -43,7 +43,7 @@ class CrtkParameters(Checked):
     )
 
     def __post_init__(self) -> None:
-        """Check all fields, and that both names are names of ROS.
+        """Check all fields, and that both names are valid ROS names.
 
         Raises
         ------
@@ -79,10 +79,10 @@ class CrtkSlaveParameters(CrtkParameters):
 
 
 class CrtkArm(Device):
-    """Arm of another node, by CRTK's `measured_cp`, `measured_cv` and `servo_cf`.
+    """Arm of another node, accessed by CRTK's `measured_cp`, `measured_cv` and `servo_cf`.
 
-    A sample is the newest position, even if the arm sends at a lower rate. Its age is that of its
-    stamp. Without velocity messages, the velocity is zero.
+    A sample is the newest position, even if the arm sends at a lower rate. The position's stamp
+    determines its age. Without velocity messages, the velocity is zero.
     """
 
     Parameters = CrtkParameters
@@ -117,7 +117,7 @@ class CrtkArm(Device):
             raise DeviceError(reason)
 
     def read(self, time: float) -> Sample | None:
-        """Return the newest pose and velocity, None if the pose is too old."""
+        """Return the newest pose and velocity; None if the pose is too old."""
         if not self._client:
             return None
         position = self._client.position.newest(self._p.timeout)
@@ -139,21 +139,21 @@ class CrtkArm(Device):
             self._client.push(arm_force)
 
     def arm(self) -> bool | None:
-        """Enable the arm, if present, which takes a while."""
+        """Enable the arm, if it is present; this takes a while."""
         if not self._client or self._is_silent:
             return False
         self._client.command(ENABLE)
         return None if self._client.has_states else True
 
     def close(self) -> None:
-        """Take the arm's force off."""
+        """Remove the arm's force."""
         client, self._client = self._client, None
         if client:
             client.close()
 
     @property
     def remark(self) -> str:
-        """Note if the arm cannot be enabled from here."""
+        """Remark that this device cannot enable the arm; empty if it can."""
         if not self._client or self._client.has_states:
             return ""
         return f"crtk: no crtk_msgs: {self._p.arm} must be enabled by other means"
@@ -182,11 +182,11 @@ class CrtkArm(Device):
         return ""
 
     def counters(self) -> dict[str, int]:
-        """Return the number of poses that were refused."""
+        """Return the number of refused poses."""
         return {"poses refused": self._client.position.refused if self._client else 0}
 
     def _silence(self, seconds: float) -> str:
-        """Return the line for positions that are missing, or refused, for a time in s."""
+        """Return the message about positions missing, or refused, for a time in s."""
         reason = self._client.position.refusal if self._client else ""
         line = f"crtk: no {self._p.arm}/measured_cp for {seconds:g} s"
         return f"{line}: refused: {reason}" if reason else line

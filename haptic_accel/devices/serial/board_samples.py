@@ -25,7 +25,7 @@ ARRIVAL = 2.0
 
 
 class BoardSamples:
-    """Counts of a board's accelerometer, as a context.
+    """Samples of a board's accelerometer, in counts; a context manager.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class BoardSamples:
         self._link = BoardLink(required, lambda _, samples: self._counts.extend(samples.counts))
 
     def __enter__(self) -> BoardSamples:
-        """Connect, and begin to sample."""
+        """Connect, and start sampling."""
         self._link.open()
         return self
 
@@ -64,7 +64,7 @@ class BoardSamples:
         return self._link.identity
 
     def last(self, seconds: float) -> Observation:
-        """Return the newest samples of the axis with most gravity, uncalibrated, as a signal."""
+        """Return the newest uncalibrated samples of the axis with most gravity."""
         number = round(seconds * self._rate) * len(self._axes)
         counts = np.array(self._counts[-number:], dtype=float)
         rows = counts[: len(counts) // len(self._axes) * len(self._axes)].reshape(
@@ -83,7 +83,7 @@ class BoardSamples:
         Raises
         ------
         DeviceError
-            The board has gone.
+            The board was disconnected.
         """
         number = round(seconds * self._rate) * len(self._axes)
         deadline = time.monotonic() + seconds + ARRIVAL

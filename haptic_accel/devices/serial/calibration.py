@@ -4,8 +4,9 @@
 """Calibration of an accelerometer by gravity: one axis turned over, or all axes in resting poses.
 
 At rest an accelerometer measures the acceleration that balances gravity: one standard gravity
-upwards. Turned over, it measures the opposite. Half the difference gives the gain, the mean gives
-the offset. An axis off the vertical measures the cosine of the angle: 0.06 % less at 2 degrees.
+upwards. Turned over, it measures the opposite. Half of the difference determines the gain, the
+mean determines the offset. An axis off the vertical measures the cosine of the angle: 0.06 % less
+at 2 degrees.
 
 With an axis of the handle upwards in each of several poses, the directions of gravity also give
 the rotation from the sensor to the handle.
@@ -41,22 +42,23 @@ POSES: Mapping[str, tuple[float, ...]] = {
 """Resting poses of handle or tool by name, with the upward direction in its frame."""
 
 FEWEST_POSES = len(NAMES)
-"""Smallest number of poses for a rotation: with fewer, gravity lies in a plane."""
+"""Smallest number of poses for a rotation: with fewer, all directions of gravity lie in a
+plane."""
 
 SPREAD = 0.5
 """Smallest singular value of the directions of gravity: 1 for three right angles, 0 in a plane
 (assumed limit, which refuses a pose held within 30 degrees of the plane of the others)."""
 
 MAGNITUDE_ERROR = 0.05
-"""Largest relative error of gravity in a pose: beyond, gain and offset are not nominal, or the
-sensor was accelerated."""
+"""Largest relative error of gravity in a pose. A larger error shows that gain and offset are not
+nominal, or that the sensor was accelerated."""
 
 LARGEST_ANGLE = 10.0
 """Largest angle between measured and stated direction of a pose, degrees: assumed for a handle
-that is held by eye."""
+that is aligned by eye."""
 
 CONFIDENCE = 0.95
-"""Probability with which the interval of the mounting covers it."""
+"""Confidence level of the interval of the mounting."""
 
 _GRAVITY_WEIGHT, _DIRECTION_WEIGHT = 1 / (0.002 * GRAVITY), 1 / (0.05 * GRAVITY)
 # Gravity is known within 0.2 % (its variation over the earth), the vertical within 3 degrees.
@@ -90,7 +92,7 @@ class Calibration:
     offset, offset_error : float
         Counts without acceleration, and their standard error.
     gain, gain_error : float
-        m/s^2 per count; negative where the sensor is mounted upside down.
+        m/s^2 per count; negative if the sensor is mounted upside down.
     noise : float
         Standard deviation at rest, m/s^2.
     """
@@ -148,7 +150,7 @@ def rest(counts: FloatArray, nominal_gain: float) -> Rest:
 
 
 def vertical(up: FloatArray, down: FloatArray) -> int:
-    """Return the index of the axis that was turned over, the one whose mean differs most.
+    """Return the index of the axis that was turned over, whose mean changes most.
 
     Parameters
     ----------
@@ -201,7 +203,7 @@ class AxesCalibration:
     gains : tuple of float
         m/s^2 per count of each axis; nominal if not determined.
     mounting : ndarray, shape (3, 3)
-        Axes of the sensor in the frame of handle or tool, one a row. The sensor measures the
+        Axes of the sensor in the frame of handle or tool, one per row. The sensor measures the
         product of this matrix and the acceleration; the transpose gives the acceleration.
     angle : float
         Angle about any axis within which the mounting is right with a probability of 95 %, from
@@ -241,8 +243,8 @@ def calibrate_axes(poses: Mapping[str, Sequence[Rest]], nominal_gain: float) -> 
 
     All six `POSES` give gains and offsets too; with fewer they are nominal. The rotation is the
     solution of Wahba's problem by singular values (Kabsch, Acta Crystallographica A32, 1976;
-    Markley, J. Astronautical Sciences 36(3), 1988). Gains and offsets are those with which
-    gravity has its magnitude in each pose; the less exact directions decide what that leaves open.
+    Markley, J. Astronautical Sciences 36(3), 1988). Gains and offsets are chosen such that gravity
+    has its magnitude in each pose; the less exact directions only determine the rest.
 
     Parameters
     ----------
@@ -300,7 +302,7 @@ def _check_spread(counts: FloatArray, names: Sequence[str]) -> None:
 
 
 def _check_magnitudes(measured: FloatArray, factors: FloatArray, names: Sequence[str]) -> None:
-    """Reject implausible gains, and a pose in which gravity has another magnitude."""
+    """Reject implausible gains, and poses in which the magnitude of gravity is wrong."""
     low, high = PLAUSIBLE
     for name, factor in zip(NAMES, factors, strict=True):
         if not low <= factor <= high:
@@ -344,18 +346,18 @@ def _fitted(
 
 
 def _mounting(measured: FloatArray, upward: FloatArray) -> FloatArray:
-    """Return the rotation that best turns upward directions into the measured ones."""
+    """Return the rotation that best maps upward directions to the measured ones."""
     left, _, right = np.linalg.svd(measured.T @ upward)
     proper = np.diag([1.0, 1.0, np.linalg.det(left @ right)])
     return np.asarray(left @ proper @ right)
 
 
 def _interval(angles: FloatArray, upward: FloatArray) -> float:
-    """Return the half-width of the rotation's interval from the angles left in each pose.
+    """Return the half-width of the rotation's interval from the residual angle of each pose.
 
-    A rotation about an axis is seen by the poses across it: the inverse of the information is its
-    covariance (Shuster and Oh, J. Guidance and Control 4(1), 1981). A pose has two angles, the
-    rotation three unknowns; the quantile is that of their ratio, F.
+    Poses perpendicular to an axis contain information about the rotation around it; the inverse of
+    the information is the covariance (Shuster and Oh, J. Guidance and Control 4(1), 1981). A pose
+    has two angles, the rotation three unknowns; the quantile is that of the F distribution.
     """
     from scipy.special import fdtri
 

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Devices `serial`: an accelerometer and, at the master, voice coils; they have no arm."""
+"""Devices `serial`: an accelerometer and, at the master, voice coils, without an arm."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ HIGHEST_RATE = 10_000
 """Highest sampling rate of the protocol, Hz."""
 
 MOST_WAITING = 4096
-"""Most samples kept between two reads."""
+"""Maximum number of samples stored between two reads."""
 
 LONGEST_HELD = 10
-"""Most ticks for which a sample at another rate may be held without misleading."""
+"""Maximum number of ticks for which a sample at another rate is held."""
 
 
 @dataclass(frozen=True)
@@ -123,10 +123,10 @@ class SerialDevice(interface.Device):
     """Accelerometer of a board; position and velocity are zero, there is no arm.
 
     The caller's clock must be `time.monotonic`. At the graph's rate, the board samples on the
-    graph's grid (multiples of the period on that clock), and a tick gets its own sample. At
-    another rate, a tick gets the newest sample; without a new sample since the last tick, the old
-    sample is held for a while, and counted. Reading never waits for the port, which a separate
-    thread reads.
+    graph's grid (multiples of the period on that clock), and each tick gets the sample taken for
+    it. At another rate, a tick gets the newest sample; without a new sample since the last tick,
+    the old sample is held for a while, and counted. Reading never waits for the port, which a
+    separate thread reads.
     """
 
     description = interface.DeviceDescription(
@@ -204,7 +204,7 @@ class SerialDevice(interface.Device):
         return interface.Sample(ZERO, ZERO, waiting.popleft()[1])
 
     def _newest(self, time: float) -> interface.Sample | None:
-        """Return the newest sample taken by a time; None once the last is too old to be held."""
+        """Return the newest sample at a time; None if it is too old to be held."""
         newest = None
         while self._waiting and self._waiting[0][0] <= time:
             newest = self._waiting.popleft()
@@ -290,7 +290,7 @@ class Sensor:
     Raises
     ------
     ParameterError
-        The calibration is not made of numbers, or its directions cannot be inverted.
+        The calibration contains text that is not a number, or its directions cannot be inverted.
     """
 
     def __init__(self, calibration: CalibrationParameters, axes: Axes) -> None:
@@ -327,13 +327,13 @@ def _of_axes(name: str, text: str, axes: Axes) -> list[float]:
 
 
 class SerialSlave(SerialDevice):
-    """Tool with an accelerometer."""
+    """Tool with the accelerometer of a board."""
 
     Parameters = SerialSlaveParameters
 
 
 class SerialMaster(SerialDevice):
-    """Handle with an accelerometer and a voice coil, or three."""
+    """Handle with an accelerometer and one or three voice coils."""
 
     Parameters = SerialMasterParameters
     description = interface.DeviceDescription(ahead=True, framed=True)

@@ -32,16 +32,17 @@ MICROSECOND = 1e-6
 """Unit of a device's clock, s."""
 
 BLOCK = 32
-"""Frames in a block, of which the fastest counts."""
+"""Number of frames in a block, of which the fastest is used."""
 
 BLOCKS = 256
-"""Blocks that a line is fitted to: 8 s at 1000 frames per second, in which no crystal drifts."""
+"""Number of blocks in the line fit: 8 s at 1000 frames per second, too short for a crystal to
+drift."""
 
 LEAST_BLOCKS = 32
-"""Fewest blocks to fit a slope to: with fewer, jitter would make a large error."""
+"""Minimum number of blocks for fitting a slope; with fewer, jitter would cause a large error."""
 
 FIRST_BLOCKS = 4
-"""Blocks for a line without a fitted slope: older blocks are wrong by the drift."""
+"""Number of blocks for a line without a fitted slope; drift makes older blocks wrong."""
 
 LARGEST_DRIFT = 1e-3
 """Largest relative difference of a rate from its nominal value: crystals have 1e-4."""
@@ -51,7 +52,7 @@ STRAGGLER = 0.5e-3
 line is wrong."""
 
 LATE_BLOCKS = 32
-"""Late blocks in a row after which the line counts as wrong."""
+"""Number of successive late blocks after which the line counts as wrong."""
 
 
 def unwrapped(count: int, near: int) -> int:
@@ -60,7 +61,7 @@ def unwrapped(count: int, near: int) -> int:
 
 
 class Line(NamedTuple):
-    """Line through a point.
+    """Linear relation between the device's and the host's clock, as a point and a slope.
 
     Attributes
     ----------
@@ -69,7 +70,7 @@ class Line(NamedTuple):
     time : float
         The same time by the host's clock, s.
     slope : float
-        Host's s per us of the device.
+        Host time per device time, s/us.
     """
 
     clock: float
@@ -139,7 +140,7 @@ class DeviceClock:
         self._line = self._fitted()
 
     def _fitted(self) -> Line:
-        # Relative to the last point, so that no digits are lost after hours.
+        # Fit relative to the last point, which keeps precision after hours.
         last = self._points[-1]
         points, slope = np.array(self._points) - last, MICROSECOND
         if len(points) < LEAST_BLOCKS:
@@ -147,7 +148,7 @@ class DeviceClock:
         else:
             variance, covariance = np.cov(points, rowvar=False)[0].tolist()
             low, high = (MICROSECOND * (1 + sign * LARGEST_DRIFT) for sign in (-1, 1))
-            # A clock that stands still has no slope.
+            # The slope is undefined for a clock that stands still.
             slope = min(max(covariance / variance, low), high) if variance else slope
         clock, time = points.mean(axis=0).tolist()
         return Line(last[0] + clock, last[1] + time, slope)
@@ -169,18 +170,18 @@ SILENCE = 1.0
 """Time without a frame after which a board counts as gone, s: a status comes every 0.1 s."""
 
 ENDING = 0.1
-"""Longest time to wait for the last answer when closing, s."""
+"""Longest time to wait for the last answer during closing, s."""
 
 ALIGN_PERIOD = 0.05
-"""Interval between requests to follow the host's grid, s: the initially unknown clock drift moves
-the ticks by some 5 us in that time."""
+"""Interval between alignment requests, s; the initially unknown clock drift shifts the ticks by
+some 5 us in that time."""
 
 ALIGNED = 1 / 16
 """Distance of a sample from the grid below which the board follows it, periods."""
 
 LEAD = 0.2
-"""Lead of a board's ticks over the grid, periods: most samples are present when the nodes' tick
-begins, which otherwise would poll repeatedly."""
+"""Lead of a board's ticks over the grid, periods: most samples are then present when the nodes'
+tick begins, which would otherwise poll repeatedly."""
 
 BAUD = 1_000_000
 """Bit rate of a real serial line, bit/s; USB has none."""
@@ -191,7 +192,7 @@ REFUSALS = {
     protocol.State.DISARMED: "not armed since the board was gone",
     protocol.State.FAULT: "the amplifier has or had a fault; arm again",
 }
-"""Reason why a connected board allows no current, by its state."""
+"""Reason why a connected board allows no current, by state."""
 
 ARMED = protocol.State.ARMED, protocol.State.TIMED_OUT
 """States of a board that allows a current."""
@@ -207,10 +208,10 @@ COUNTED = (
 """Names of a link's counts."""
 
 BOARD_COUNTED = "state", "damaged", "lost", "refused", "timeouts", "unsent", "overflowed"
-"""Names of the counts from a board's status."""
+"""Names of the counters from a board's status."""
 
 TakeSamples = Callable[[Sequence[float], protocol.Samples], None]
-"""Receiver of samples and of the times when they were taken, s of `time.monotonic`."""
+"""Callback for samples and their sampling times, s of `time.monotonic`."""
 
 
 @dataclass(frozen=True)
@@ -220,17 +221,17 @@ class Requirements:
     Attributes
     ----------
     port, usb_serial : str
-        As in `find_port`.
+        See `find_port`.
     configuration : Configuration
     coils : tuple of str
         Axes of the required coils; an actuator is armed if there are any.
     rearm : bool
-        True to arm again without a request after the board was gone.
+        True to arm again without a request after the board was disconnected.
     serial_number : str
         Serial number of the only board accepted; empty for any.
     grid_rate : float
-        Rate of the board's sampling grid on `time.monotonic`, Hz; 0 for samples at any time. A
-        sample counts as taken at a grid point, though taken `LEAD` earlier.
+        Rate of the board's sampling grid on `time.monotonic`, Hz; 0 for samples at any time.
+        Samples are taken `LEAD` before the grid point for which they count.
     """
 
     port: str
@@ -246,14 +247,14 @@ class BoardLink(Connection):
     """Connection to a board on a port.
 
     After a loss of the board, its current is zero until `arm` is called or the link arms it
-    without a request. The board's status is the only record of its state: set-points are sent
-    while the status is armed.
+    without a request. Only the board's status determines its state: set-points are sent while the
+    status is armed.
 
     Parameters
     ----------
     required : Requirements
     take : callable
-        Called by the link's thread, or by `open`.
+        Callback for samples, called by the link's thread or by `open`.
 
     Attributes
     ----------
@@ -262,7 +263,7 @@ class BoardLink(Connection):
     aligned : bool
         True while the board is connected and follows the grid, if any.
     late : int
-        Number of scheduled set-points that came to the board after their due time.
+        Number of scheduled set-points that reached the board after their due time.
     """
 
     def __init__(self, required: Requirements, take: TakeSamples) -> None:
@@ -284,14 +285,14 @@ class BoardLink(Connection):
     # Called by the owner's thread
 
     def set_currents(self, currents: Vector, due: float) -> None:
-        """Send the set-points of all coils, zero if one is not finite.
+        """Send the set-points of all coils; all are zero if one is not finite.
 
         Currents beyond full scale are scaled together, so that they keep their direction.
 
         Parameters
         ----------
         currents : tuple of float
-            Currents of the coils along x, y and z, A; ignored where the board has no coil.
+            Currents of the coils along x, y and z, A; ignored for axes without a coil.
         due : float
             Tick from which the set-points act, s of `time.monotonic`. If overdue, or if the board
             does not follow the grid yet, they act at once, and discard set-points not due yet.
@@ -317,7 +318,7 @@ class BoardLink(Connection):
             self._send(protocol.SetCurrent(counts))
 
     def arm(self) -> bool:
-        """Request that a current be allowed, also after a fault; return False without a board."""
+        """Request permission for a current, also after a fault; return False without a board."""
         if not self.connected:
             return False
         board = self._board
@@ -361,7 +362,7 @@ class BoardLink(Connection):
     # Connecting
 
     def _forget(self) -> None:
-        """Forget all that a board has sent."""
+        """Reset all data received from a board."""
         self._decoder.restart()
         self._answered: protocol.Identity | None = None
         self._configuration: protocol.Configuration | None = None
@@ -379,7 +380,7 @@ class BoardLink(Connection):
         required = self._required
         self._path = find_port(required.port, required.usb_serial)
         self._port = Port(self._path)
-        # Bytes before the first delimiter are no frame.
+        # Bytes before the first delimiter do not form a frame.
         self._write(protocol.DELIMITER)
         self._send(protocol.DisarmRequest())
         self._ask(protocol.Identify(), lambda: self._answered is not None, NO_ANSWER)
@@ -402,7 +403,7 @@ class BoardLink(Connection):
                 )
 
     def _has_timed_out(self) -> bool:
-        """Return whether the board timed out by itself, as it must after 5 ms."""
+        """Return whether the board timed out by itself, as required after 5 ms."""
         return self._board is not None and self._board.state is protocol.State.TIMED_OUT
 
     def _ask(self, request: protocol.Message, answered: Callable[[], bool], problem: str) -> None:
@@ -415,7 +416,7 @@ class BoardLink(Connection):
         raise DeviceError(f"{self._path}: {problem}")
 
     def _listen_until(self, answered: Callable[[], bool], seconds: float) -> bool:
-        """Process frames until an answer or a timeout; return whether it is answered."""
+        """Process frames until an answer or a timeout; return whether an answer arrived."""
         deadline = time.monotonic() + seconds
         while not answered() and time.monotonic() < deadline:
             self._listen()
@@ -447,10 +448,10 @@ class BoardLink(Connection):
         raise DeviceError(f"{self._path}: board {number} {lacking}")
 
     def _release(self) -> None:
-        """Stop current and samples, and wait a little for the board to confirm."""
+        """Stop current and samples; wait up to `ENDING` for the board to confirm."""
         self._configuration = None
         self._send(protocol.DisarmRequest())
-        # The answer comes after the disarming, and unlike a status only on request.
+        # The answer follows the disarming and, unlike a status, is only sent on request.
         self._send(protocol.Configure(0, 0, 0))
         with suppress(DeviceError):
             self._listen_until(lambda: self._configuration is not None, ENDING)
@@ -509,7 +510,7 @@ class BoardLink(Connection):
                 self._counts["refusals"] += 1
 
     def _speak(self, version: int) -> None:
-        """Speak the board's version of the protocol; in any other, it has not disarmed."""
+        """Use the board's protocol version, and repeat the request to disarm in that version."""
         if version in protocol.VERSIONS:
             self._encoder.version = version
             self._send(protocol.DisarmRequest())
@@ -517,7 +518,7 @@ class BoardLink(Connection):
     def _take_samples(self, clock: int, samples: protocol.Samples, arrival: float) -> None:
         requested = self._required.configuration
         if self._configuration is None or samples.axes != requested.axes:
-            return  # of an earlier configuration
+            return  # samples from an earlier configuration
         if self._next_index is None:
             self._next_index, self._last_clock = samples.index, clock
         index = unwrapped(samples.index, self._next_index)
@@ -564,10 +565,10 @@ class BoardLink(Connection):
 
 
 WAIT = 0.1
-"""Longest time that a read waits for bytes, s."""
+"""Longest time for which a read waits for bytes, s."""
 
 MOST_BYTES = 4096
-"""Most bytes read at once."""
+"""Maximum number of bytes read at once."""
 
 _EMPTY = "nothing is behind it; is it plugged in?"
 _BUSY = "busy: another program has it open"
@@ -589,9 +590,9 @@ def find_port(path: str, usb_serial: str) -> str:
     Parameters
     ----------
     path : str
-        Returned unchanged unless it is empty.
+        Path of the port, returned unchanged; empty to search by `usb_serial`.
     usb_serial : str
-        USB serial number of the device to look for if there is no path.
+        USB serial number of the device, used if there is no path.
 
     Raises
     ------
@@ -633,16 +634,16 @@ class Port:
             reason = reason or f"cannot be opened as a serial port ({one_line(error)})"
             raise DeviceError(f"{path}: {reason}") from None
         with suppress(ValueError, NotImplementedError, AttributeError):
-            # FTDI converters otherwise hold bytes for 16 ms; others lack this mode.
+            # FTDI converters otherwise hold bytes for 16 ms; other converters lack this mode.
             self._serial.set_low_latency_mode(True)
 
     def read(self) -> bytes:
-        """Return the bytes that are there or arrive within `WAIT`.
+        """Return the bytes that are available or arrive within `WAIT`.
 
         Raises
         ------
         DeviceError
-            The port is gone.
+            The port was disconnected.
         """
         # pyserial would take four system calls per frame instead of two.
         try:
@@ -656,12 +657,12 @@ class Port:
         return data
 
     def write(self, data: bytes) -> bool:
-        """Write bytes; return False if there was no room for all of them.
+        """Write bytes; return False if the buffer had no space for all of them.
 
         Raises
         ------
         DeviceError
-            The port is gone.
+            The port was disconnected.
         """
         try:
             # pyserial without a time-out would busy-wait for room.

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bytes and frames of the serial protocol (README.md here): no port, no clock.
+"""Frames of the serial protocol (see README.md in this folder), without port and clock.
 
 A frame is version, type, sequence number, sender's clock, payload and CRC-16, all little-endian,
 stuffed by COBS and ended by a zero. `firmware/haptic_handle/protocol.cpp` is the same in C++.
@@ -22,17 +22,17 @@ from cobs import cobs  # type: ignore[import-untyped]
 from haptic_accel.core.axes import NAMES
 
 VERSION = 3
-"""Version of the protocol."""
+"""Version of the protocol in this package."""
 
 ONE_COIL = 2
-"""Version of the protocol for boards of one coil, which the driver speaks with such a board: only
-the identity differs."""
+"""Version of the protocol for boards with one coil, which the driver also supports; only the
+identity differs."""
 
 VERSIONS = ONE_COIL, VERSION
-"""Versions that the driver speaks."""
+"""Versions that the driver supports."""
 
 FIRMWARE = 3, 0, 0
-"""Version of the firmware that belongs to this package, `firmware/haptic_handle`."""
+"""Version of the firmware in this package, `firmware/haptic_handle`."""
 
 CRC_START = 0xFFFF
 """CRC-16/CCITT-FALSE (CRC-16/IBM-3740): polynomial 0x1021, not reflected, check value 0x29B1."""
@@ -41,10 +41,11 @@ DELIMITER = b"\0"
 """Last byte of a frame; COBS leaves no other zero."""
 
 LONGEST_PAYLOAD = 240
-"""Most bytes of a payload: with header and CRC below the 254 that COBS stuffs with one byte."""
+"""Maximum length of a payload, bytes; with header and CRC below the 254 bytes for which COBS adds
+one byte."""
 
 FULL_SCALE = 32767
-"""Counts at full scale, either way."""
+"""Counts at full scale, in both directions."""
 
 SEQUENCES = 1 << 16
 """Number of frames after which sequence numbers restart."""
@@ -53,17 +54,17 @@ CLOCKS = 1 << 32
 """Modulus of clocks, in us, and of counts of samples."""
 
 COUNT = 2
-"""Bytes of a count."""
+"""Number of bytes of a count."""
 
 _HEADER = struct.Struct("<BBHI")
 _CRC = struct.Struct("<H")
 _OVERHEAD = _HEADER.size + _CRC.size
 LONGEST_ENCODED = _OVERHEAD + LONGEST_PAYLOAD + 1
-"""Most bytes between two delimiters."""
+"""Maximum number of bytes between two delimiters."""
 
 
 FROM_DEVICE = 0x80
-"""Bit of the types of frames from the device."""
+"""Bit that is set in the types of frames from the device."""
 
 
 class FrameType(IntEnum):
@@ -114,7 +115,7 @@ class Frame(NamedTuple):
     ----------
     version, type : int
     sequence : int
-        The sender's count of frames, modulo `SEQUENCES`.
+        Number of the frame at the sender, modulo `SEQUENCES`.
     clock : int
         The sender's clock, us modulo 2**32; for samples, the time of the first sample.
     payload : bytes
@@ -133,9 +134,9 @@ MESSAGES: dict[int, type[Message]] = {}
 
 @dataclass(frozen=True)
 class Message:
-    """Base of messages: the content of a payload.
+    """Base class of messages, the contents of payloads.
 
-    A subclass gives its frame type, its payload layout and the matching fields.
+    A subclass specifies its frame type, its payload layout and the matching fields.
     """
 
     TYPE: ClassVar[FrameType]
@@ -164,7 +165,7 @@ class Message:
         Raises
         ------
         struct.error, ValueError
-            The type of frame cannot have such a payload.
+            The payload is not valid for the frame type.
         """
         return cls(*cls.LAYOUT.unpack(payload))
 
@@ -185,12 +186,12 @@ class DisarmRequest(Message, kind=FrameType.DISARM):
 
 
 def coil_layout(payload: bytes, layout: str) -> str:
-    """Return a layout with the number of coils that fills a payload.
+    """Return the layout for the number of coils that matches a payload's length.
 
     Raises
     ------
     ValueError
-        No number of coils does.
+        No number of coils matches.
 
     Examples
     --------
@@ -210,8 +211,8 @@ class SetCurrent(Message, kind=FrameType.SET_CURRENT):
     Attributes
     ----------
     counts : tuple of int
-        Currents of the board's coils in the order x, y, z, in counts, `FULL_SCALE` for full scale:
-        every bit pattern is a number in range.
+        Currents of the board's coils in the order x, y, z, in counts, `FULL_SCALE` for full scale.
+        Every bit pattern is a valid number.
     """
 
     counts: tuple[int, ...]
@@ -233,7 +234,7 @@ class SetCurrent(Message, kind=FrameType.SET_CURRENT):
 
 @dataclass(frozen=True)
 class ScheduleCurrent(Message, kind=FrameType.SCHEDULE_CURRENT, layout="<I"):
-    """Set-points of all coils that act from a sampling tick on.
+    """Set-points of all coils that act from a specified sampling tick on.
 
     Attributes
     ----------
@@ -269,7 +270,7 @@ class Align(Message, kind=FrameType.ALIGN, layout="<II"):
     Attributes
     ----------
     tick : int
-        Time of any point of the grid by the device's clock, us.
+        Time of any grid point by the device's clock, us.
     period : int
         Period of the grid by the device's clock, ns.
     """
@@ -280,14 +281,14 @@ class Align(Message, kind=FrameType.ALIGN, layout="<II"):
 
 @dataclass(frozen=True)
 class Configuration(Message, kind=FrameType.CONFIGURATION, layout="<HBB"):
-    """Sampling and grouping of samples into frames.
+    """Sampling rate, axes, and grouping of samples into frames.
 
     Attributes
     ----------
     rate : int
         Samples per second; 0 for none.
     axes : int
-        One bit each, x the lowest.
+        Bit mask of axes, x the lowest bit.
     samples_per_frame : int
     """
 
@@ -310,14 +311,14 @@ class Identity(Message, kind=FrameType.IDENTITY, layout="<BBBBHffff16s"):
     firmware : tuple of int
         Major, minor, patch.
     axes : int
-        Axes of the accelerometer, one bit each.
+        Bit mask of the accelerometer's axes.
     highest_rate : int
         Samples per second.
     full_scale_acceleration : float
         Nominal acceleration of 32767 counts, m/s^2.
     full_scale_currents : tuple of float
-        Currents of `FULL_SCALE` counts of the coils along x, y and z, A; 0 where there is none. A
-        board of one coil with an older firmware has it along z.
+        Currents of `FULL_SCALE` counts of the coils along x, y and z, A; 0 for axes without a
+        coil. A board of one coil with an older firmware has the coil along z.
     serial_number : str
         At most 16 printable ASCII characters.
     """
@@ -349,7 +350,7 @@ class Identity(Message, kind=FrameType.IDENTITY, layout="<BBBBHffff16s"):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Identity:
-        """Return the message of a payload, of version `ONE_COIL` by its length."""
+        """Return the message of a payload; its length shows version `ONE_COIL`."""
         if len(payload) == cls.ONE_COIL_LAYOUT.size:
             *head, current, number = cls.ONE_COIL_LAYOUT.unpack(payload)
             currents = 0.0, 0.0, current
@@ -377,9 +378,9 @@ class Samples(Message, kind=FrameType.SAMPLES, layout="<IBB"):
     index : int
         Number of samples taken earlier, modulo 2**32.
     axes : int
-        One bit each.
+        Bit mask of axes.
     counts : tuple of int
-        Counts by sample, then by axis.
+        Counts, ordered by sample, then by axis.
     """
 
     index: int
@@ -408,25 +409,25 @@ class Samples(Message, kind=FrameType.SAMPLES, layout="<IBB"):
 
 @dataclass(frozen=True)
 class Status(Message, kind=FrameType.STATUS, layout="<B8I"):
-    """State of the device, and its counts since it started.
+    """State of the device, and counts since its start.
 
     Attributes
     ----------
     state : State
     currents : tuple of int
-        Currents that flow in the coils, counts of `FULL_SCALE`.
+        Currents in the coils, counts of `FULL_SCALE`.
     received, damaged, lost : int
-        Frames from the host: intact, not intact, missing by their sequence numbers.
+        Numbers of frames from the host: intact, damaged, missing by sequence number.
     refused : int
-        Set-points while not armed, or due too far ahead.
+        Number of set-points received while not armed, or due too far ahead.
     timeouts : int
         Number of times that set-points stopped for 5 ms.
     unsent : int
-        Frames that the port had no room for.
+        Number of frames that did not fit into the port's buffer.
     late : int
-        Scheduled set-points that came after their tick, and acted at once.
+        Number of scheduled set-points that arrived after their tick, and acted at once.
     overflowed : int
-        Scheduled set-points that the queue had no room for.
+        Number of scheduled set-points that did not fit into the queue.
     """
 
     state: State
@@ -481,7 +482,7 @@ REQUESTS = {kind: message for kind, message in MESSAGES.items() if kind < FROM_D
 
 
 def most_samples(axes: int) -> int:
-    """Return the largest number of samples per frame for axes, one bit each."""
+    """Return the maximum number of samples per frame for a bit mask of axes."""
     return (LONGEST_PAYLOAD - Samples.LAYOUT.size) // (2 * axes.bit_count())
 
 
@@ -491,7 +492,7 @@ def read_message(frame: Frame) -> Message:
     Raises
     ------
     PayloadError
-        Another version of the protocol, an unknown type, or a payload that the type cannot have.
+        The protocol version or the type is unknown, or the payload is not valid for the type.
     """
     if frame.version not in VERSIONS:
         raise PayloadError(f"version {frame.version} of the protocol, must be {VERSION}")
@@ -512,7 +513,7 @@ def encode(frame: Frame) -> bytes:
 
 
 def decode(stuffed: bytes) -> Frame | None:
-    """Return the frame between two delimiters; None where it is damaged."""
+    """Return the frame between two delimiters; None if it is damaged."""
     try:
         body = cobs.decode(stuffed)
     except cobs.DecodeError:
@@ -532,7 +533,7 @@ class Encoder:
     Attributes
     ----------
     version : int
-        Version of the protocol that the receiver speaks.
+        Version of the protocol that the receiver supports.
     """
 
     def __init__(self) -> None:
@@ -546,16 +547,16 @@ class Encoder:
 
 
 class Decoder:
-    """Decoder of frames in a stream of bytes that begins anywhere.
+    """Decoder of frames in a stream of bytes that starts at any position.
 
     Attributes
     ----------
     received : int
         Frames with an intact CRC.
     damaged : int
-        Sections between delimiters that were no intact frame.
+        Number of sections between delimiters that were not intact frames.
     lost : int
-        Frames missing by the received sequence numbers.
+        Number of frames missing by sequence number.
     """
 
     def __init__(self) -> None:
@@ -563,14 +564,14 @@ class Decoder:
         self.restart()
 
     def restart(self) -> None:
-        """Expect another sender, whose sequence begins anywhere."""
+        """Expect another sender, whose sequence starts at any number."""
         self._pending = b""
         self._expected: int | None = None
 
     def feed(self, data: bytes) -> list[Frame]:
         """Return the frames completed by `data`; keep the rest for the next call."""
         *ended, rest = (self._pending + data).split(DELIMITER)
-        # No frame is longer: the rest is damaged, and must not grow without limit.
+        # Longer data are damaged, as no frame is longer, and must not grow without limit.
         self._pending = rest[: LONGEST_ENCODED + 1]
         frames = [decode(stuffed) for stuffed in ended if stuffed]
         intact = [frame for frame in frames if frame]
@@ -582,7 +583,7 @@ class Decoder:
 
     def _count_lost(self, sequence: int) -> None:
         gap = 0 if self._expected is None else (sequence - self._expected) % SEQUENCES
-        # A gap over half the range means a restarted sender.
+        # A gap of more than half the range indicates a restarted sender.
         self.lost += gap if gap < SEQUENCES // 2 else 0
         self._expected = (sequence + 1) % SEQUENCES
 
