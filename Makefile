@@ -111,9 +111,11 @@ test: $(DEV) ## run the test suite: what needs no graph on all cores, then one g
 	tick=$$($(TICK))
 	echo "What runs in every sample: $$tick"
 	untouched=$(if $(SLOW)$(findstring test/kits,$(ARGS)),,$$($(BIN)/python test/support/untouched_kits.py))
-	part $(BIN)/python -m pytest -n logical --dist worksteal -m 'not live'
+	# One process more than there are cores, as tests wait for others a quarter of the time.
+	together="-n $$(($$(nproc) + 1)) --dist worksteal"
+	part $(BIN)/python -m pytest $$together -m 'not live'
 	[ "$$tick" != compiled ] || part env HAPTIC_ACCEL_PLAIN=1 \
-	    $(BIN)/python -m pytest -n logical --dist worksteal -m '(safety or plain) and not live'
+	    $(BIN)/python -m pytest $$together -m '(safety or plain) and not live'
 	part $(BIN)/python -m pytest -m live
 	[ -z "$$untouched" ] || echo "Only smoke tests ran of these kits (make test-all: all): $$untouched"
 	[ -z "$$failed" ] && [ -n "$$found" ]

@@ -304,14 +304,16 @@ def terminals(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
         terminal.close()
 
 
-@pytest.fixture(autouse=True)
-def quick_pdf(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module", autouse=True)
+def quick_pdf() -> Iterator[None]:
     """Embed only drawn glyphs into PDFs: making fonts smaller takes half an analysis' time.
 
-    Fixtures of modules, and commands, embed fonts as for a user. Whoever draws has loaded plots.
+    Commands embed fonts as for a user. Whoever draws has loaded plots.
     """
-    if plots := sys.modules.get("haptic_accel.analysis.plots"):
-        monkeypatch.setitem(plots.EMBEDDED, "pdf.fonttype", 3)
+    with pytest.MonkeyPatch.context() as settings:
+        if plots := sys.modules.get("haptic_accel.analysis.plots"):
+            settings.setitem(plots.EMBEDDED, "pdf.fonttype", 3)
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -104,11 +104,17 @@ MODULES = names()
 FOLDERS = sorted({name.rpartition(".")[0] for name in MODULES} - {""})
 
 
+@cache
+def nodes(module: str) -> list[ast.AST]:
+    """Return all nodes of a module's syntax tree."""
+    return list(ast.walk(ast.parse(MODULES[module].read_text())))
+
+
 def imported_by(module: str) -> Iterator[str]:
     """Yield what a module imports, as modules of the package or names of other packages."""
     path = MODULES[module]
     here = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(module):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -210,7 +216,7 @@ def test_a_kit_imports_no_other_kit_and_only_public_names(kit: str) -> None:
     known = {to for by, to in inside() if within(by, own) and within(to, "haptic_accel.kits")}
     assert [to for to in known if not within(to, own)] == []
     for module in (name for name in MODULES if within(name, own)):
-        for node in ast.walk(ast.parse(MODULES[module].read_text())):
+        for node in nodes(module):
             if isinstance(node, ast.ImportFrom) and not within(node.module or "", own):
                 private = [each.name for each in node.names if re.match("_[^_]", each.name)]
                 assert not private, (module, private)
@@ -239,7 +245,7 @@ def test_only_kits_import_the_names_of_the_root() -> None:
     """What the root loads lies above most of the package, so that circles would follow."""
     for module in MODULES:
         if not within(module, f"{PACKAGE}.kits"):
-            for node in ast.walk(ast.parse(MODULES[module].read_text())):
+            for node in nodes(module):
                 if isinstance(node, ast.ImportFrom) and node.module == PACKAGE:
                     folders = {
                         each.name for each in node.names if f"{PACKAGE}.{each.name}" in MODULES

@@ -27,6 +27,7 @@ from haptic_accel.core.model import FloatArray, MountParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tick.device_side import LATE_TIME, LONGEST, PAST_TICK
 from haptic_accel.core.trial import Trial
+from nightly import rest_slow
 
 RATE = 1000.0
 
@@ -529,13 +530,16 @@ def test_how_a_trial_ran_is_not_guessed(tmp_path: Path) -> None:
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize(
     ("name", "value"),
-    [
-        (topics.DESIRED_ACCELERATION.name, 1e10),
-        (topics.DESIRED_ACCELERATION.name, -1.7e308),
-        (topics.HANDLE_ACCELERATION.name, 1e200),
-        (topics.HANDLE_ACCELERATION.name, -1.7e308),
-        (topics.ACTUATOR_FORCE.name, -1.7e308),
-    ],
+    rest_slow(
+        [
+            (topics.DESIRED_ACCELERATION.name, 1e10),
+            (topics.HANDLE_ACCELERATION.name, -1.7e308),
+            (topics.HANDLE_ACCELERATION.name, 1e200),
+            (topics.DESIRED_ACCELERATION.name, -1.7e308),
+            (topics.ACTUATOR_FORCE.name, -1.7e308),
+        ],
+        now=2,
+    ),
 )
 def test_a_damaged_value_counts_as_missing(tmp_path: Path, name: str, value: float) -> None:
     content = copy(seconds=2.0)

@@ -17,6 +17,7 @@ from running import Command
 Start = Callable[..., Command]
 
 
+@pytest.mark.quiet
 def test_doctor_reports_another_graph(haptic_accel: Start, tmp_path: Path, domain: int) -> None:
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=domain)

@@ -171,6 +171,7 @@ def test_the_live_graph_finds_the_handle_grip_by_grip(haptic_accel: Start, tmp_p
     assert "actuator_force: correlates" in wrong.text
 
 
+@pytest.mark.quiet
 def test_an_actuator_near_its_stops_is_left_without_force(
     haptic_accel: Start, tmp_path: Path
 ) -> None:
@@ -222,6 +223,7 @@ def test_live_amplitudes_that_are_too_strong_are_lowered(
     assert (tmp_path / "found" / "handle.yaml").exists()
 
 
+@pytest.mark.quiet
 def test_a_stop_takes_the_force_off_and_keeps_the_recording(
     haptic_accel: Start, observer: Observer, tmp_path: Path
 ) -> None:
@@ -235,6 +237,7 @@ def test_a_stop_takes_the_force_off_and_keeps_the_recording(
     assert sent[-1] == 0.0
 
 
+@pytest.mark.quiet
 def test_an_emergency_stop_ends_the_run(haptic_accel: Start, tmp_path: Path) -> None:
     command = haptic_accel("identify", "rig:=ideal", "--out", "found")
     command.wait_for("repeat 1 of 3")

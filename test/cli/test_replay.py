@@ -117,6 +117,7 @@ def test_a_part_of_a_bag_is_played(tmp_path: Path) -> None:
     assert np.array_equal(played.values[2:, 2], track.acceleration[300:900])
 
 
+@pytest.mark.quiet
 def test_a_terminal_shows_how_far_a_replay_is(
     start: Callable[..., Command], tmp_path: Path
 ) -> None:

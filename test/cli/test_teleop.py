@@ -268,6 +268,7 @@ def check_named_when_killed(command: Command, domain: int, process: str) -> None
     assert nodes_of(domain) == {}
 
 
+@pytest.mark.quiet
 def test_nodes_end_when_their_supervisor_is_killed(haptic_accel: Start, domain: int) -> None:
     command = haptic_accel("teleop", "record:=false")
     command.wait_for("engaged")
@@ -345,6 +346,7 @@ def start_again(command: Command, domain: int, node: str) -> None:
     wait_until(lambda: nodes_of(domain).get(node, before) != before, f"{node} started again")
 
 
+@pytest.mark.quiet
 def test_a_node_that_fails_comes_back_and_is_stopped_while_the_others_are(
     haptic_accel: Start, observer: Observer, domain: int, ask: Callable[..., tuple[int, str]]
 ) -> None:

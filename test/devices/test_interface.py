@@ -165,6 +165,7 @@ def test_a_driver_is_offered_where_its_arm_is(install: Install) -> None:
     assert "slave = 'lab': must be one of" in text
 
 
+@pytest.mark.quiet
 def test_drivers_have_the_parameters_that_they_are_described_to_have_and_to_change(
     install: Install, haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
 ) -> None:

@@ -71,7 +71,6 @@ def test_a_graph_is_alone_in_its_namespace(domain: int) -> None:
             pass
 
 
-@pytest.mark.live
 @pytest.mark.usefixtures("here")
 def test_nodes_and_graphs_refuse_to_send_what_another_sends(start: Start, domain: int) -> None:
     coupler = start("-m", "haptic_accel.nodes.coupler")

@@ -30,6 +30,7 @@ from haptic_accel.graph.middleware import (
     check_ros,
     middleware_defaults,
 )
+from nightly import rest_slow
 from observing import Observer
 from running import Command
 from verbs import refusal
@@ -86,6 +87,7 @@ def udp_addresses(pid: int) -> set[str]:
     return {row[1].split(":")[0] for row in rows if row[9] in inodes}
 
 
+@pytest.mark.quiet
 def test_every_socket_is_bound_to_the_machine_where_plain_ros_nodes_find_the_graph(
     start: Callable[..., Command], observer: Observer, domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -136,6 +138,7 @@ def test_an_environment_without_nodes_is_refused_in_a_line_that_names_the_variab
         check_middleware(os.environ)
 
 
+@pytest.mark.quiet
 def test_a_node_of_its_own_refuses_such_an_environment(
     start: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -159,19 +162,22 @@ def verb(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.parametrize(
     "words",
-    [
-        ("teleop", "duration:=1"),
-        ("teleop", "master:=pointer", "scope:=true"),
-        ("experiment",),
-        ("identify",),
-        ("bench", "latency"),
-        ("scope",),
-        ("control", "controller:=none"),
-        ("record", "start"),
-        ("estop", "release:=true"),
-    ],
+    rest_slow(
+        [
+            ["teleop", "duration:=1"],
+            ["estop", "release:=true"],
+            ["control", "controller:=none"],
+            ["teleop", "master:=pointer", "scope:=true"],
+            ["experiment"],
+            ["identify"],
+            ["bench", "latency"],
+            ["scope"],
+            ["record", "start"],
+        ],
+        now=3,
+    ),
 )
-def test_a_verb_that_needs_ros_says_so_in_one_line(tmp_path: Path, words: tuple[str, ...]) -> None:
+def test_a_verb_that_needs_ros_says_so_in_one_line(tmp_path: Path, words: list[str]) -> None:
     done = verb(tmp_path, *words)
     name = " ".join(words[:2]) if words[0] == "bench" else words[0]
     assert (done.returncode, done.stdout) == (1, "")

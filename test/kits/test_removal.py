@@ -174,7 +174,7 @@ def test_without_kits_a_surface_is_touched(
     assert touching.end(signal.SIGINT) == 0, touching.text
 
 
-@pytest.mark.live
+@pytest.mark.quiet
 def test_without_kits_the_graph_runs(
     bare: Path, start: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -154,7 +154,6 @@ def slave(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Node]:
         observer.close()
 
 
-@pytest.mark.live
 def test_a_surface_is_loaded_whole_or_not_at_all(slave: Node, tmp_path: Path) -> None:
     # rclpy passes 9e-06 on as text, and would set one parameter after the other.
     for name in ("text", "plywood", "vinyl"):
@@ -176,7 +175,6 @@ def test_a_surface_is_loaded_whole_or_not_at_all(slave: Node, tmp_path: Path) ->
     assert slave.values() == before
 
 
-@pytest.mark.live
 def test_a_device_node_has_the_parameters_of_its_devices_alone(slave: Node) -> None:
     found = {name.partition(".")[0] for name in slave.values() if "." in name}
     assert found == {"simulated", "safety", "servo_cp"}
@@ -184,7 +182,6 @@ def test_a_device_node_has_the_parameters_of_its_devices_alone(slave: Node) -> N
         assert slave.set(name, value) == f"{name}: the device is simulated"
 
 
-@pytest.mark.live
 def test_what_is_dumped_can_be_loaded(slave: Node, tmp_path: Path) -> None:
     # Most of it is read-only.
     file, before = tmp_path / "slave_device.yaml", slave.values()
@@ -200,6 +197,7 @@ def test_what_is_dumped_can_be_loaded(slave: Node, tmp_path: Path) -> None:
     assert reasons == {"rate = 500.0: must stay 1000.0 while the node runs"}
 
 
+@pytest.mark.quiet
 def test_only_this_machines_clock_is_taken(slave: Node, start: Callable[..., Command]) -> None:
     reason = "use_sim_time = True: must be false: simulated time is not supported"
     assert slave.set("use_sim_time", False) == ""
@@ -213,7 +211,6 @@ def test_only_this_machines_clock_is_taken(slave: Node, start: Callable[..., Com
         assert "Traceback" not in refused.text
 
 
-@pytest.mark.live
 def test_what_asks_for_no_parameter_gets_nothing_and_what_sets_none_the_reason(
     slave: Node,
 ) -> None:
@@ -243,7 +240,6 @@ def test_what_asks_for_no_parameter_gets_nothing_and_what_sets_none_the_reason(
     assert slave.values() == before
 
 
-@pytest.mark.live
 def test_a_parameter_tells_what_it_may_be_and_takes_numbers_as_they_are_written(
     slave: Node,
 ) -> None:
@@ -313,6 +309,7 @@ def listener(observer: Observer, capfd: pytest.CaptureFixture[str]) -> Iterator[
     made.close()
 
 
+@pytest.mark.quiet
 def test_samples_of_two_publishers_are_not_taken(listener: Listener, observer: Observer) -> None:
     wait_until(listener.takes, "samples of one publisher")
     node = rclpy.create_node("slave_device", context=observer.context)
@@ -333,6 +330,7 @@ def test_samples_of_two_publishers_are_not_taken(listener: Listener, observer: O
     wait_until(lambda: listener.takes() and listener.said(refused, again), "another line")
 
 
+@pytest.mark.quiet
 def test_no_false_of_two_publishers_is_believed(listener: Listener) -> None:
     inbox = listener.node.inbox(COUPLER_STOPPED)
     first, second = (listener.sender.publisher(COUPLER_STOPPED) for _ in range(2))
@@ -348,6 +346,7 @@ def test_no_false_of_two_publishers_is_believed(listener: Listener) -> None:
     wait_until(lambda: heard([True, False], True, False), "false of the one that is left")
 
 
+@pytest.mark.quiet
 def test_no_timer_waits_for_a_clock_that_was_set_back(listener: Listener) -> None:
     listener.node.create_timer(1.0, lambda: None)
     timers = list(listener.node.timers)
@@ -400,6 +399,7 @@ class Numbering(GraphNode):
         return f"report {self.reports}", {}
 
 
+@pytest.mark.quiet
 def test_no_report_is_lost_beside_those_on_request(domain: int) -> None:
     rclpy.init()
     node = Numbering("compensator")

@@ -16,6 +16,8 @@ import pytest
 from haptic_accel.nodes.scheduling import STOP_PERIOD, StopPoll
 from running import PATIENCE, Command
 
+pytestmark = pytest.mark.quiet
+
 ALWAYS_BEHIND = """
 import time
 from haptic_accel.nodes.timing import LONGEST_RUN

@@ -76,6 +76,7 @@ def scope(browser: Browser, scheme: Scheme, *, control: bool) -> Iterator[tuple[
 
 
 @SCHEMES
+@pytest.mark.slow
 def test_the_live_page_without_control(browser: Browser, scheme: Scheme) -> None:
     with scope(browser, scheme, control=False) as (page, _):
         for name in ("force", "arm_force", "travel", "position"):

@@ -165,6 +165,7 @@ def test_the_coils_play_when_the_page_says(page: Page, server: SoundServer, tone
         wait_until(is_right, "the delay is that which the page states, within 30 %")
 
 
+@pytest.mark.slow
 def test_one_grip_alone_and_the_loudspeakers_again(
     page: Page, server: SoundServer, tones: Tones
 ) -> None:

@@ -34,6 +34,7 @@ from haptic_accel.core.model import (
     vector,
 )
 from haptic_accel.core.parameters import Checked, ParameterError
+from nightly import rest_slow
 from one_coil import OneCoil
 
 # Compiled objects cannot be copied.
@@ -212,7 +213,7 @@ def test_the_full_inverse_of_the_coupling_moves_the_handle_as_the_tool() -> None
     assert ignored > 30.0
 
 
-@pytest.mark.parametrize("controller", ["feedback", "adaptive"])
+@pytest.mark.parametrize("controller", rest_slow(["adaptive", "feedback"]))
 def test_others_that_invert_the_plant_do_so_too(controller: str) -> None:
     tool = textures(4.0)
     felt, warnings = driven(compensation(controller), Handle(COUPLED), tool)
@@ -259,7 +260,7 @@ def test_with_a_reduction_the_coil_along_z_is_that_of_a_single_coil(controller: 
         single.adapt()
 
 
-@pytest.mark.parametrize("controller", ["inverse", "feedback", "adaptive"])
+@pytest.mark.parametrize("controller", rest_slow(["inverse", "adaptive", "feedback"], now=2))
 def test_with_a_reduction_the_handle_follows_it_along_z(controller: str) -> None:
     tool = textures(4.0)
     stream = compensation(controller, changed="reduction=sum")
@@ -330,7 +331,7 @@ def test_other_hands_are_not_taken_for_a_turned_sensor(controller: str) -> None:
     assert not any("turned" in each or "axes" in each for each in warnings)
 
 
-@pytest.mark.parametrize("controller", ["inverse", "feedback", "adaptive"])
+@pytest.mark.parametrize("controller", rest_slow(["inverse", "adaptive", "feedback"], now=2))
 def test_a_sensor_that_shows_nothing_right_costs_next_to_nothing(controller: str) -> None:
     turned = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
     tool = textures(4.0)
@@ -407,7 +408,7 @@ def test_of_a_tool_sample_with_a_bad_component_nothing_is_felt(bad: float, axis:
 
 
 @pytest.mark.parametrize("controller", NAMES)
-@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("axis", rest_slow(range(3)))
 def test_of_a_handle_sample_with_a_bad_component_nothing_is_believed(
     controller: str, axis: int
 ) -> None:

@@ -45,6 +45,7 @@ def identify(
     return identify_handle(trials, SWEEP, SENSOR.range, bandwidth, **options)
 
 
+@pytest.mark.slow
 def test_grips_are_fitted_one_by_one_and_together() -> None:
     of_grips = {
         posture: recorded(replace(RIG, grip=model.GripParameters(posture=posture)), trials=2)

@@ -23,6 +23,7 @@ from haptic_accel.core.identification.matrix_response import (
 from haptic_accel.core.identification.sweep import IdentificationTrial, orthogonal_excitation
 from haptic_accel.core.identification.three_axes import coupling_doubts
 from haptic_accel.core.model import ComplexArray, FloatArray, MountParameters
+from nightly import rest_slow
 from three_coils import NOISE, RANGE, RATE, SWEEP, moved, plant, recorded, trials
 
 FORCE = orthogonal_excitation(SWEEP, RATE)
@@ -99,20 +100,23 @@ def spoilt(name: str) -> list[IdentificationTrial]:
 
 @pytest.mark.parametrize(
     ("fault", "message"),
-    [
-        ("nan", "axis y: handle_acceleration: holds NaN"),
-        ("constant", "axis y: handle_acceleration: constant at 0.5 m/s"),
-        ("noise", "axis y: multiple coherence = 0.[01]. .* must be at least 0.7"),
-        ("saturated", "axis y: handle_acceleration: .* at the sensor's range of 49"),
-        ("silent", "axis y: actuator_force: .* N root mean square .* at least 0.01 N"),
-        (
-            "coil without current",
-            "axis y: coherence = 0.[01]. of its coil .* is the coil connected",
-        ),
-        ("coil reversed", "axis y: its coil pushes against the axis"),
-        ("coils swapped", "axes y and z: the coil of each moves the other axis"),
-        ("coil turned", "axis y: its coil moves axis z the most, .* is it mounted along y"),
-    ],
+    rest_slow(
+        [
+            ("nan", "axis y: handle_acceleration: holds NaN"),
+            ("constant", "axis y: handle_acceleration: constant at 0.5 m/s"),
+            ("noise", "axis y: multiple coherence = 0.[01]. .* must be at least 0.7"),
+            ("saturated", "axis y: handle_acceleration: .* at the sensor's range of 49"),
+            ("silent", "axis y: actuator_force: .* N root mean square .* at least 0.01 N"),
+            (
+                "coil without current",
+                "axis y: coherence = 0.[01]. of its coil .* is the coil connected",
+            ),
+            ("coil reversed", "axis y: its coil pushes against the axis"),
+            ("coils swapped", "axes y and z: the coil of each moves the other axis"),
+            ("coil turned", "axis y: its coil moves axis z the most, .* is it mounted along y"),
+        ],
+        now=7,
+    ),
 )
 def test_a_fault_is_refused_by_axis(fault: str, message: str) -> None:
     recording = spoilt(fault)

@@ -130,6 +130,7 @@ def test_friction_is_found_with_the_handle(friction: float) -> None:
     assert (np.abs(errors(fit, rig, handle)) < 2 * HALF_INTERVAL).all()
 
 
+@pytest.mark.slow
 def test_a_friction_that_is_not_as_expected_is_allowed_for() -> None:
     drive = replace(PAPER.drive, slip_velocity=0.02)
     rig = replace(PAPER, drive=drive)

@@ -66,6 +66,7 @@ def test_dry_friction_is_fitted_and_not_part_of_the_plant() -> None:
         assert axis.friction == pytest.approx(0.05, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_coupling_that_noise_hides_is_static() -> None:
     handle = MatrixPlant(plant(modes=False).axes, DIRECTIONS[:, :, np.newaxis], RATE)
     found = identify(trials(handle, 1))
@@ -101,6 +102,7 @@ def test_intervals_cover_the_parameters_in_fifty_recordings() -> None:
     assert 0.9 <= covered(range(50)) <= 1.0
 
 
+@pytest.mark.slow
 def test_coils_close_to_a_plane_are_refused() -> None:
     flat = np.array([[1.0, 0.1, 0.65], [0.1, 1.0, 0.65], [0.6, 0.6, 0.72]])
     with pytest.raises(RecordingError, match="condition number = .* must be at most 10"):

@@ -14,6 +14,7 @@ from haptic_accel.core.axes import ACTUATOR_AXIS, ALL_AXES, along_actuator
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.network.channel import Channel, ChannelParameters
 from haptic_accel.core.network.playout import DECAY, LOWERING, MISSED, STEPS, Played, Playout
+from nightly import rest_slow
 
 RATE = 1000.0
 START = 1_790_000_000_000
@@ -86,7 +87,7 @@ def test_it_waits_until_something_came_and_starts_with_it() -> None:
     assert playout.counts == {"waiting": 2, "true": 1, "late": 0}
 
 
-@pytest.mark.parametrize("drift", [100e-6, -100e-6])
+@pytest.mark.parametrize("drift", rest_slow([100e-6, -100e-6]))
 def test_a_drift_of_the_clocks_is_followed(drift: float) -> None:
     playout = Playout(RATE)
     found = list(ticks(playout, texture(60.0), drift=drift))

@@ -34,6 +34,7 @@ from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.trial import run_trial
+from nightly import rest_slow
 
 RATE = 4000.0
 LOOP = Loop(RATE)
@@ -104,7 +105,7 @@ def test_a_blow_dies_out_at_every_corner_grip(
     assert rig.energy() < 1e-4 * struck
 
 
-@pytest.mark.parametrize("handle", [CORNERS[0], CORNERS[1], CORNERS[4], CORNERS[7]])
+@pytest.mark.parametrize("handle", rest_slow((CORNERS[at] for at in (0, 7, 1, 4)), now=2))
 def test_it_follows_better_than_the_inverse_where_the_grip_is_another(
     handle: HandleParameters, ideal_rig: RigParameters, monkeypatch: pytest.MonkeyPatch
 ) -> None:
