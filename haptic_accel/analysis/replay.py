@@ -117,8 +117,8 @@ CAUSES = {
     "lost": "samples were lost",
     "timeouts": "commands stopped",
     "rejected": "samples or forces were refused",
-    "arm force limited": "the safety layer reduced a force",
-    "actuator force limited": "the safety layer reduced a force",
+    "handle not trusted": "a sample of the handle was missing, saturated or no number",
+    "force limited": "the safety layer reduced a force",
     "actuator force limited by heat": "the safety layer reduced a force",
     "actuator force limited by travel": "the safety layer reduced a force",
 }
