@@ -19,7 +19,6 @@ import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from input_family import log_uniform
@@ -197,10 +196,14 @@ def random_three_axis_rig(index: int) -> SimulatedMasterParameters:
         k_u=varied(master.handle.k_u, 2.0),
         b_u=varied(master.handle.b_u, 2.0),
     )
-    kind: Any = type("Mounted", (type(master),), {"coils": CoilMounting(**tilts, **offsets)})
-    mounted: SimulatedMasterParameters = kind(**vars(master))
+
+    class Mounted(SimulatedMasterParameters):
+        """Master whose coils are mounted at random."""
+
+        coils = CoilMounting(**tilts, **offsets)
+
     return replace(
-        mounted,
+        Mounted(**vars(master)),
         handle=handle,
         grip=replace(master.grip, variation=0.0),
         body=replace(master.body, sensor_x=x, sensor_y=y, sensor_z=master.body.sensor_z + z),

@@ -93,8 +93,8 @@ def message_taker(
 
     def receive(message: Any) -> None:
         # Jazzy's executor fails for a callback with the metadata as an argument.
-        facts = {"received_timestamp": time.time_ns(), "publication_sequence_number": None}
-        waiting.append((message, facts))
+        information = {"received_timestamp": time.time_ns(), "publication_sequence_number": None}
+        waiting.append((message, information))
 
     def next_message() -> Taken | None:
         serve()

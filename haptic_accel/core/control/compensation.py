@@ -320,6 +320,7 @@ class Compensation(HandleCompensation):
         if self._is_alone != self.judged_alone:
             self._judge_anew()
         elif self.first.substitution.reducible:
+            # Not in the samples in which the channels' supervision has its turn.
             if self.authority.left <= 0 and self.first.trace.count % TURNS:
                 self.authority.update(all(each.supervisor.described for each in self.channels))
             left.append(max(1, self.authority.left))

@@ -70,9 +70,10 @@ class SensorWatch:
         return self._period
 
     def _defect(self, name: str, row: int, unusable: float) -> str:
-        """Return what is wrong with an accelerometer; empty if nothing is."""
-        signals, forces = ([latest(t, k, SEARCHED) for t in self._traces] for k in (row, FORCE))
-        if row == MEASURED and np.any(forces) and not np.any(np.ptp(signals, axis=1)):
+        """Return the defect of an accelerometer; empty if there is none."""
+        signals = [latest(trace, row, SEARCHED) for trace in self._traces]
+        is_still = row == MEASURED and not np.any(np.ptp(signals, axis=1))
+        if is_still and any(latest(trace, FORCE, SEARCHED).any() for trace in self._traces):
             return f"the {name}'s accelerometer does not change while a force acts"
         if unusable >= UNUSABLE_SHARE:
             return f"{unusable:.0%} of the {name}'s samples are missing, saturated or no numbers"
