@@ -32,54 +32,56 @@ LEAST_EXPECTED = 0.2
 and noise."""
 
 LEAST_CROSS = 0.1
-"""Least cross response that is reported, relative to all motion: a sensor turned by 7 degrees.
-Noise and friction of the paper's rig, a seventh of the motion, leave a third of it after a tenth
-of a second (assumed bandwidth: 100 Hz)."""
+"""Minimum cross-axis response that is reported, relative to all motion: that of a sensor rotated
+by 7 degrees. Noise and friction of the paper's rig, a seventh of the motion, appear as a third of
+this value after 0.1 s of averaging (assumed bandwidth: 100 Hz)."""
 
 ROTATION_SHARE = 0.7
-"""Part of the cross response, by power, that a rotation explains if it is named."""
+"""Fraction of the cross-axis response's power that a rotation must explain in order to be
+reported."""
 
 RESOLVED = 1e-3
-"""Least power of an expected direction relative to all three. A texture that moves along one
-direction shows no cross response: equal axes could have caused the same."""
+"""Minimum power of an expected direction relative to all three. Excitation along a single
+direction shows no cross-axis response, as free gains of aligned axes explain any motion."""
 
 SETTLING = 0.1
-"""Time after a limit of the coils acted or the sensor was saturated whose motion is not judged, s:
-the handle comes to rest from a stop within it."""
+"""Time after a limit of the coils or saturation of the sensor during which motion is not
+evaluated, s: after a collision with a stop, the handle comes to rest within this time."""
 
 FEWEST_BLOCKS = 8.0
-"""Effective number of blocks in the running powers from which on they are judged: a texture has up
-to 37, a single tap one or two, whose directions are equal by chance."""
+"""Minimum effective number of blocks in the running powers for an evaluation. A texture yields up
+to 37; a single tap yields one or two, whose directions may agree by chance."""
 
 CHANCE = 1.25
-"""Share of the unexplained motion that other coils explain by chance, times the blocks: twice the
-two free factors of an axis over three independent samples of a block (100 Hz)."""
+"""Fraction of the unexplained motion that other coils explain by chance, times the number of
+blocks: twice the two free parameters of an axis over three independent samples of a block (100
+Hz)."""
 
 CLOSE = 2.0
-"""Change of an angle below which its name is kept, degrees."""
+"""Change of an angle below which the reported angle is kept, degrees."""
 
-_FITS = 3  # alternations between gains and rotation
+_FITS = 3  # number of iterations, each of which fits the gains and then the rotation
 
 
 class Alignment:
     """Monitor of the response of each axis to the forces of the others.
 
-    After decoupling, the axis of each coil moves by its own force only, by an amount that
-    depends on the hand. Any response to the others, as far as no gain of the own axis explains
-    it, shows other axes than those identified: the accelerometer was turned since, or a coil is
-    bent. The gains are free, so that a hand is no fault.
+    After decoupling, the axis of each coil moves only by that coil's force, by an amount that
+    depends on the hand. A response to other coils that no gain of the axis explains shows that the
+    axes differ from the identified ones: the accelerometer was rotated, or a coil is bent. Each
+    axis has a free gain, so a different hand is not a fault.
 
     Parameters
     ----------
     rate : float
         Samples per second.
     coils : sequence of ResponseSupervisor
-        What each axis is expected to do for its own force, and its decoupled acceleration.
+        Expected response of each axis to its own force, and its decoupled acceleration.
 
     Attributes
     ----------
     warning : str
-        Name of the fault; empty if there is none.
+        Description of the fault; empty if there is none.
     """
 
     def __init__(self, rate: float, coils: Sequence[ResponseSupervisor]) -> None:
@@ -96,7 +98,7 @@ class Alignment:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all samples and names."""
+        """Discard all samples and reported faults."""
         self._taken = 0  # count of the last block
         self._rest: FloatArray | None = None
         self._state = np.zeros((len(self._sections), 6, 2))
@@ -107,7 +109,7 @@ class Alignment:
         self.warning = ""
 
     def update(self) -> int:
-        """Judge the axes if enough samples are stored; return the number until they are."""
+        """Evaluate the axes if a block is complete; return the samples left to the next block."""
         trace = self._trace
         length = min(trace.count - self._taken, trace.stored)
         if length >= self._length:
@@ -119,7 +121,7 @@ class Alignment:
         expected = [coil.expected(length) for coil in self._coils]
         measured = [latest(coil.trace, MEASURED, length) for coil in self._coils]
         block = np.concatenate([expected, measured])
-        # A sensor at its range holds as a limit does.
+        # Saturation of the sensor counts like a limit of the actuator.
         held = max([trace.limited, *trace.saturated[-1:]])
         is_clean = held + self._settling <= self._taken
         self._taken = trace.count
@@ -179,29 +181,29 @@ _EXPECTED, _MOVED = slice(0, 3), slice(3, 6)
 
 
 def _gains(cross: FloatArray, powers: FloatArray) -> FloatArray:
-    """Return the gain of each axis for which its own motion is explained best."""
+    """Return the gain of each axis that best explains the axis's own motion."""
     own = powers.diagonal()[_EXPECTED]
     return np.asarray(cross.diagonal() / np.maximum(own, np.finfo(float).tiny))
 
 
 def _explained(cross: FloatArray, expected: FloatArray) -> float:
-    """Return the power of motion that is explained by all expected accelerations together."""
+    """Return the power of the motion that all expected accelerations together explain."""
     values, vectors = np.linalg.eigh(expected)
     seen = values >= RESOLVED * values.sum()
     return float(np.sum((cross @ vectors[:, seen]) ** 2 / values[seen]))
 
 
 def _rotation(powers: FloatArray) -> tuple[FloatArray, float]:
-    """Return the rotation of the sensor that, with a gain for each axis, explains most motion.
+    """Return the rotation of the sensor that, with a free gain per axis, explains most motion.
 
-    The rotation for given gains is Wahba's problem (SIAM Rev. 7, 1965), solved by Kabsch (Acta
-    Cryst. A32, 1976).
+    For fixed gains, the rotation is the solution of Wahba's problem (SIAM Rev. 7, 1965), by the
+    method of Kabsch (Acta Cryst. A32, 1976).
 
     Returns
     -------
     rotation : ndarray, shape (3, 3)
     explained : float
-        Power of the motion that it explains, (m/s^2)^2.
+        Power of the explained motion, (m/s^2)^2.
     """
     cross = powers[_MOVED, _EXPECTED]
     rotation = np.eye(3)

@@ -17,7 +17,7 @@ BLOCK = 0.016
 """Time between updates, s: a period of 60 Hz."""
 
 POWER_MEMORY = 0.1
-"""Time constant of the running powers and of the fraction, s: some periods of the lowest band."""
+"""Time constant of the running powers and of the fraction, s: a few periods of the lowest band."""
 
 CORNER = 9.0
 """Corner of the high-pass of order 2 that removes gravity and the hand's motion, Hz."""
@@ -27,128 +27,135 @@ GROWTH = 1.15
 correlate with the desired acceleration thus keeps its full force up to an error of 39 %."""
 
 SLIGHT = 0.015
-"""Accepted increase of the error's power over that of no force, relative to it; 0.75 % of the
-error. A response must be seen to be judged, and to be learnt."""
+"""Accepted increase of the error's power relative to the power without force; 0.75 % of the error.
+Some response must remain measurable for evaluation and learning."""
 
 SILENT = 0.2
 """Desired acceleration below which the handle's motion counts as noise, m/s^2 RMS: ten times the
 arm's own motion and noise."""
 
 LARGEST_NOISE = 1.0
-"""Maximum noise, m/s^2 RMS: more than ten times that of the paper's accelerometer. What moves more
-in silence is moved by the force."""
+"""Maximum noise, m/s^2 RMS: more than ten times that of the paper's accelerometer. Larger motion
+during silence is caused by the force."""
 
 QUIET, RINGING, LOUDEST = 0.05, 0.25, 2.0
-"""Powers of desired and measured acceleration below which nothing is judged, relative to the
-highest of late, and the time constant of that one, s. A handle that rings while the tool lifts off
-is worse than none, but hardly adds to the error, and would cost the force of the next contact."""
+"""Powers of desired and measured acceleration below which nothing is evaluated, relative to the
+recent maximum power of the desired acceleration, and the time constant of this maximum, s. Ringing
+of the handle while the tool lifts off hardly adds to the error, and a reduction because of it
+would weaken the force of the next contact."""
 
 CAUTIOUS, WARIEST = 0.3, 0.25
-"""Time constant with which the use of a reduced fraction falls in silence, s, and its lower bound:
-a tool that lands excites the handle more, and otherwise, than what the fraction was found for."""
+"""Time constant with which the use of a reduced fraction decreases during silence, s, and its
+lower bound. A landing tool excites the handle more strongly, and with another spectrum, than the
+signal for which the fraction was determined."""
 
 STIRRED = 0.2
-"""Motion of an axis in silence above which the first contact is begun with caution, m/s^2 RMS:
-three times the noise of the paper's accelerometer. A resonance amplifies the force for the tool's
-noise, and a landing excites it within milliseconds, before anything is seen of it."""
+"""Motion of an axis during silence above which the first contact starts with a smaller force,
+m/s^2 RMS: three times the noise of the paper's accelerometer. A resonance amplifies the force that
+is caused by the tool's noise, and a landing excites it within milliseconds, before it can be
+measured."""
 
 TIMID, FAINTEST = 0.1, 0.06
-"""Time constant with which the use of the force falls then, s, and its lower bound: a resonance
-with a damping ratio of 0.02 amplifies 25 times."""
+"""Time constant with which the use of the force then decreases, s, and its lower bound: a
+resonance with a damping ratio of 0.02 amplifies 25 times."""
 
 LISTENED = 1.0
-"""Time of silence after which the noise is known, s: in less, a hand may not have been at rest."""
+"""Duration of silence after which the noise is known, s: in a shorter time, a hand may not be at
+rest."""
 
 FALLEN = 0.8
-"""Factor of the fraction from one update to the next, or due within `POWER_MEMORY`, below which it
-falls; what the force has excited may still ring."""
+"""Factor of the fraction, from one update to the next or as requested within `POWER_MEMORY`, below
+which the fraction counts as decreasing; motion that the larger force excited may still ring."""
 
 IDLE_CORRELATION = 0.1
-"""Square of the correlation of desired and measured acceleration below which a reduced force is of
-no use, so that nobody misses it for a while."""
+"""Square of the correlation of desired and measured acceleration below which a reduced force has
+no benefit, so that it can be attenuated for a short time."""
 
 LEAST_LEFT, RELIEF = 0.7, 2.0
-"""Least factor by which limits of the actuator reduce the fraction in an update, and the time
-constant with which its bound rises again, s. What is cut off a force that balances a resonance
-excites it."""
+"""Minimum factor by which limits of the actuator reduce the fraction in an update, and the time
+constant with which the resulting bound rises again, s. If a force that balances a resonance is
+clipped, the clipped part excites the resonance."""
 
 LOWEST = 1e-3
-"""Minimum fraction; even a resonance with a damping ratio of 0.01 is below the noise then."""
+"""Minimum fraction; even a resonance with a damping ratio of 0.01 is then below the noise."""
 
 FALLING, RISING = 0.1, 2.0
-"""Bounds of the factor by which the fraction changes within `POWER_MEMORY`: a resonance takes some
-periods to show."""
+"""Bounds of the factor by which the fraction changes within `POWER_MEMORY`: a resonance is visible
+only after a few periods."""
 
 RECOVERING = 3.0
-"""Upper bound where no difference is known: more, and a mode rings before it is seen; less, and
-what a force that hardly shows in the noise would teach is never learnt."""
+"""Upper bound of this factor while no difference from the description is known. With a larger one,
+a mode rings before it is detected; with a smaller one, a response that hardly exceeds the noise is
+never learnt."""
 
 REDUCED, RESTORED = 0.5, 0.9
-"""Fraction below which a reduction is reported, and above which its report ends."""
+"""Fraction below which a reduction is reported, and above which the report ends."""
 
 LASTING = 0.8
-"""Least duration of a reduction that is reported, s: a hand that jerks causes shorter ones on a
-handle as described."""
+"""Minimum duration of a reduction that is reported, s: sudden hand motion causes shorter ones on a
+handle that matches its description."""
 
 HUSHED, HUSHED_FOR = 0.1, 0.3
-"""Factor of a reduced force while the handle is listened to, and for how long, s. Of what the
-force causes, 1 % remains by power; a mode at 60 Hz with a damping ratio of 0.02 rings 0.1 s."""
+"""Factor of a reduced force during a measurement of the noise, and duration of the measurement, s.
+1 % of the power caused by the force remains; a mode at 60 Hz with a damping ratio of 0.02 rings
+for 0.1 s."""
 
 HEARING = 0.15
-"""Part of that time, its end, in which the noise is measured, s."""
+"""Final part of this duration, in which the noise is measured, s."""
 
 HUSHED_EVERY, HUSHED_RARELY, SETTLED_FOR = 1.5, 12.0, 0.3
-"""Shortest and longest time from one listening to the next, and from a fall of the fraction to the
-first, s of excitation. The time doubles where the noise is `MINOR`."""
+"""Minimum and maximum time from one noise measurement to the next, and minimum time from a
+decrease of the fraction to a measurement, s of excitation. The time doubles while the noise is
+`MINOR`."""
 
 MINOR = 0.25
-"""Noise that hardly hides a force, relative to the accepted increase of the error's power."""
+"""Upper bound of negligible noise, relative to the accepted increase of the error's power."""
 
 
 class Listening:
-    """Times at which a reduced force of no use is hushed, and what is heard then.
+    """Measurements of noise for which a reduced force without benefit is attenuated.
 
     Attributes
     ----------
     heard : float
-        Power of what moved the handle at the last listening, (m/s^2)^2; 0 before the first.
+        Power of the handle's motion in the last measurement, (m/s^2)^2; 0 before the first.
     """
 
     def __init__(self) -> None:
         self.heard = 0.0
-        # Time since the last listening began, and from then to the next, s.
+        # Time since the start of the last measurement, and from there to the next, s.
         self._since = self._next = HUSHED_EVERY
-        self._energy = 0.0  # heard in this one, (m/s^2)^2 s
+        self._energy = 0.0  # integral in this measurement, (m/s^2)^2 s
 
     @property
     def hushes(self) -> bool:
-        """True while the force is hushed."""
+        """True while the force is attenuated for a measurement."""
         return self._since < HUSHED_FOR
 
     def wait(self, time: float) -> bool:
-        """Count the time of excitation without listening, s; return whether the next is due."""
+        """Count the time of excitation between measurements, s; return True if the next is due."""
         self._since += time
         return self._since >= self._next
 
     def postpone(self) -> None:
-        """Wait until what a force that falls has excited no longer rings."""
+        """Wait until motion that was excited before a decrease of the force no longer rings."""
         self._since = min(self._since, self._next - SETTLED_FOR)
 
     def begin(self) -> None:
-        """Hush the force from now on."""
+        """Start a measurement: attenuate the force from now on."""
         self._since = self._energy = 0.0
 
     def hear(self, power: float, time: float, minor: float) -> None:
-        """Take a block of the handle's motion into account.
+        """Process a block of the handle's motion.
 
         Parameters
         ----------
         power : float
-            (m/s^2)^2.
+            Mean power of the block, (m/s^2)^2.
         time : float
             Duration of the block, s.
         minor : float
-            Power below which the noise hides nothing, (m/s^2)^2.
+            Power below which the noise is negligible, (m/s^2)^2.
         """
         if self._since >= HUSHED_FOR - HEARING:
             self._energy += power * time
@@ -159,44 +166,45 @@ class Listening:
 
 
 class Authority(ForceFraction):
-    """Scale a controller's force to the fraction with the least error.
+    """Scale a controller's force to the fraction with the smallest error.
 
-    For the desired acceleration d and the handle's acceleration y, both through the same
-    high-pass, the error of d - s y is least for s = <d y> / <y^2>, and then never above that
-    without force. The fraction is multiplied by s, at the pace of the running means, and the means
-    are converted to the new fraction. No model of the handle is needed.
+    For the desired acceleration d and the handle's acceleration y, both after the same high-pass,
+    the error d - s y is smallest for s = <d y> / <y^2>, and then never exceeds the error without
+    force. The fraction is multiplied by s, at the rate of the running means, and the means are
+    converted to the new fraction. No model of the handle is needed.
 
-    Where y fits d, s is near one or above, and the full force is used, exactly. Where it does not,
-    the fraction falls until the error's power is at most `SLIGHT` above that without force. It
-    rises again as soon as the response fits, for example because it has been learnt.
+    If y matches d, s is close to or above one, and the full force is used unchanged. Otherwise the
+    fraction decreases until the error's power exceeds the power without force by at most `SLIGHT`.
+    It increases again as soon as the response matches, for example after adaptation.
 
-    Noise of the sensor, and what else moves the handle, is no harm of the force. It is measured in
-    silence, and while a reduced force is of no use: it is hushed for a moment now and then, and
-    what the handle moves by all the same is the noise. The force that remains is thus as large as
-    is seen above the noise.
+    Sensor noise and motion with other causes must not reduce the force. They are measured during
+    silence, and while a reduced force has no benefit: the force is then attenuated for a short
+    time, and the remaining motion counts as noise. The force is thus reduced only to a level at
+    which its effect is still measurable above the noise.
 
-    What cannot be seen in time is met with caution: the first contact of a handle that moves in
-    silence, and a force that the actuator's limits cut on a handle that is not as described.
+    The force is reduced in advance where a measurement would come too late: at the first contact
+    of a handle that moves during silence, and where the actuator's limits clip the force on a
+    handle that differs from its description.
 
-    In several axes, the powers of all components are added: one fraction scales the force of all
-    coils, as a coil moves the other axes too, and the error counts as that of the vector.
+    With several axes, the powers of all components are added. One fraction scales the forces of
+    all coils, as a coil also moves the other axes, and the error is that of the vector.
 
     Parameters
     ----------
     rate : float
         Samples per second.
     traces : sequence of Trace
-        Desired acceleration and motion of each axis, the motion as known when the desired
-        acceleration was.
+        Desired acceleration and motion of each axis. The motion is the latest one that was known
+        when the desired acceleration was computed.
 
     Attributes
     ----------
     fraction : float
         Best factor of the controller's force so far, from `LOWEST` to 1.
     reduced : bool
-        True while the force is reduced notably, and has been for `LASTING`.
+        True if the force has been clearly reduced for at least `LASTING`.
     noise : float
-        Least motion in silence, m/s^2 RMS; infinite while unknown.
+        Minimum motion during silence, m/s^2 RMS; infinite while unknown.
     """
 
     def __init__(self, rate: float, traces: Sequence[Trace]) -> None:
@@ -208,7 +216,7 @@ class Authority(ForceFraction):
         self._length = max(1, round(BLOCK * rate))
         corner = min(CORNER, 0.4 * rate)
         sections = np.asarray(signal.butter(2, corner, "high", fs=rate, output="sos"))
-        # Of few samples scipy.signal.sosfilt takes several times longer, with equal results.
+        # For few samples, scipy.signal.sosfilt takes several times longer, with equal results.
         self._filters = [SampleFilter(sections) for _ in (*traces, *traces)]
         for trace in traces:
             trace.kept = max(trace.kept, 4 * self._length)
@@ -216,7 +224,7 @@ class Authority(ForceFraction):
         self.reset()
 
     def follow(self, delay: int) -> None:
-        """Judge another controller, whose response appears after a delay in samples."""
+        """Evaluate another controller, whose response appears after a delay in samples."""
         self._delay = delay
         for trace in self.traces:
             trace.kept = max(trace.kept, 4 * self._length + delay)
@@ -226,22 +234,22 @@ class Authority(ForceFraction):
         """Return to the full force."""
         self._start = self._taken = self.traces[0].count
         self.used = self.fraction = self._caution = self._ceiling = self.left_over = 1.0
-        self._reduced_for = 0.0  # time for which the force is reduced notably, s
+        self._reduced_for = 0.0  # duration of a clear reduction so far, s
         self.reduced = self._changing = self._touched = False
         self._rests: list[float] | None = None
         for each in self._filters:
             each.reset()
-        # Running means of <d^2>, <d y>, <y^2>, and of the noise in the last one, (m/s^2)^2.
+        # Running means of <d^2>, <d y>, <y^2>, (m/s^2)^2; the last one includes the noise.
         self._desired_power = self._common = self._moved = 0.0
-        self._still = 0.0  # noise in silence
+        self._still = 0.0  # noise during silence
         self._listening = Listening()
-        self._level = 0.0  # highest <d^2> of late, (m/s^2)^2
+        self._level = 0.0  # recent maximum of <d^2>, (m/s^2)^2
         self._silent = 0.0  # time of silence so far, s
         self.noise = math.inf
 
     @property
     def left(self) -> int:
-        """Number of samples until `update` has something to do; not positive if it is due."""
+        """Number of samples until the next update; not positive if it is due."""
         return self._taken + self._length - self.traces[0].count
 
     def update(self, described: bool) -> None:
@@ -250,8 +258,8 @@ class Authority(ForceFraction):
         Parameters
         ----------
         described : bool
-            True if the handle's response is as described, as far as known. Its motion in silence
-            is then not caused by the force.
+            True if the handle's response matches its description, as far as known. Its motion
+            during silence is then not caused by the force.
         """
         count = self.traces[0].count
         length = min(count - self._taken, self.traces[0].stored)
@@ -260,7 +268,7 @@ class Authority(ForceFraction):
         signals = zip(self._filters, self._signals(length), strict=True)
         passed = [each.process(value) for each, signal in signals for value in signal]
         self._taken = count
-        # The components of a vector, one after the other, have the sum of their powers.
+        # The components of a vector are concatenated: their powers add.
         block = np.array(passed).reshape(2, -1)
         desired_power, common, _, moved = (block @ block.T / length).ravel().tolist()
         time = length / self._rate
@@ -281,7 +289,7 @@ class Authority(ForceFraction):
         moving = moved >= max(LARGEST_NOISE**2, RINGING * self._level) and not described
         if loud or moving:
             rising = RECOVERING if described else RISING
-            # `_change` is relative to what is used.
+            # `_change` is relative to the force in use, not to the fraction.
             change = min(max(self._caution * self._change(), FALLING), rising)
             self._changing = not FALLEN < change <= 1.0
             self._scale(change**pace, RISING**pace)
@@ -299,9 +307,10 @@ class Authority(ForceFraction):
         self.reduced = self._reduced_for >= LASTING
 
     def _signals(self, length: int) -> list[list[float]]:
-        """Return the latest desired accelerations, due after the delay, and motions.
+        """Return the latest desired accelerations, delayed to match the motions, and the motions.
 
-        Until a first measurement the handle is taken to be at rest: gravity is no step.
+        Until the first measurement, the handle is assumed to be at rest, so that gravity is not a
+        step.
         """
         delay, start = self._delay, self._start
         desired = [latest(each, DESIRED, length, delay, start).tolist() for each in self.traces]
@@ -315,7 +324,7 @@ class Authority(ForceFraction):
         return desired + moved
 
     def _first_known(self, length: int) -> int:
-        """Return the place of the first measurement among the latest samples."""
+        """Return the index of the first measurement among the latest samples."""
         trace = self.traces[-1]
         unknown = {*trace.missing, *trace.saturated}
         places = range(trace.count - length, trace.count)
@@ -323,11 +332,11 @@ class Authority(ForceFraction):
 
     @property
     def _noise(self) -> float:
-        """Power of what the force does not cause, (m/s^2)^2; 0 while unknown."""
+        """Power of motion that is not caused by the force, (m/s^2)^2; 0 while unknown."""
         return max(self._still, self._listening.heard)
 
     def _is_hushed(self, moved: float, time: float) -> bool:
-        """Listen to the handle, if it is due; return whether the force is hushed."""
+        """Measure the noise if this is due; return True if the force is attenuated."""
         listening = self._listening
         if not listening.hushes:
             is_due = listening.wait(time)
@@ -343,24 +352,24 @@ class Authority(ForceFraction):
         return True
 
     def _change(self) -> float:
-        """Return the factor to the best fraction, or to the one that is accepted."""
+        """Return the factor from the force in use to the best force, or to the accepted one."""
         moved = max(self._moved - self._noise, 1e-3 * self._noise, 1e-9)
         best = self._common / moved
         accepted = math.sqrt(SLIGHT * self._desired_power / moved)
         if best > 0.0:
             return math.hypot(GROWTH * best, accepted)
-        # Where change^2 <y^2> - 2 change <d y> = SLIGHT <d^2>.
+        # Solution of change^2 <y^2> - 2 change <d y> = SLIGHT <d^2>.
         return best + math.hypot(best, accepted)
 
     def _scale(self, change: float, caution: float, wariest: float = WARIEST) -> None:
-        """Multiply fraction and caution, and adapt the means to the new force."""
+        """Multiply fraction and caution, and convert the means to the new force."""
         before, full = self.used, self.fraction
         self.fraction = max(LOWEST, min(self.fraction * change, self._ceiling))
         if self.fraction < FALLEN * full:
             self._listening.postpone()
         lowest = min(self._caution, HUSHED if self._listening.hushes else wariest)
         self._caution = min(max(lowest, self._caution * caution), 1.0)
-        # Less than the fraction after silence.
+        # After silence, the force in use is less than the fraction.
         self.used = self.fraction * self._caution
         change = self.used / before
         self._common *= change

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Controller of one coil: its changes, supervision and gain, one sample at a time."""
+"""Controller of one coil: switching, supervision and gain, one sample at a time."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ LARGEST_GAIN = 4.0
 """Maximum gain: two doublings; beyond, strong textures mainly reach the actuator's limits."""
 
 RAMP = 0.05
-"""Duration of a change of the gain, s: no click is felt, as its spectrum is below 20 Hz."""
+"""Duration of a change of the gain, s: no click is perceptible, as its spectrum is below 20 Hz."""
 
 LISTENING = 0.5
-"""Time for which a new controller only receives both accelerations, s."""
+"""Duration for which a new controller only receives both accelerations, s."""
 
 FADING = 5e-3
 """Duration of the crossfade from one controller to the next, s."""
 
 RESTING = 0.05
-"""Time constant of the mean tool acceleration with which a new controller starts, s."""
+"""Time constant of the mean tool acceleration that initialises a new controller, s."""
 
 
 def build_controller(name: str, loop: Loop, parameters: Checked | None = None) -> Controller:
@@ -52,7 +52,7 @@ def build_controller(name: str, loop: Loop, parameters: Checked | None = None) -
     Raises
     ------
     ParameterError
-        The controller does not exist, or is another package's and cannot be built.
+        The controller does not exist, or belongs to another package and cannot be built.
     """
     if name not in CONTROLLERS:
         raise ParameterError(f"controller = {name!r}: must be one of {', '.join(CONTROLLERS)}")
@@ -66,7 +66,7 @@ def build_controller(name: str, loop: Loop, parameters: Checked | None = None) -
 
 
 def check_controller(name: str, rate: float, options: Mapping[str, Checked]) -> None:
-    """Build a controller of another package once, so that it refuses what is wrong."""
+    """Build another package's controller once, so that invalid parameters are rejected."""
     if name not in OWN_CONTROLLERS:
         build_controller(name, Loop(rate), options.get(name))
 
@@ -74,7 +74,7 @@ def check_controller(name: str, rate: float, options: Mapping[str, Checked]) -> 
 class Channel(CoilChannel):
     """Controller, supervision and estimated limits of one coil.
 
-    Idle until `wake`, without force, count or adaptation.
+    Idle until `wake`: without force, counting or adaptation.
 
     Parameters
     ----------
@@ -83,13 +83,13 @@ class Channel(CoilChannel):
     loop : Loop
         Rate, high-pass and plant of the coil.
     options : mapping
-        Parameters that differ from the defaults: of controllers and of the actuator, by name.
+        Parameters of controllers and of the actuator that differ from the defaults, by name.
     prepared : sequence of str
         Controllers to build in advance, so that `select` takes no time.
     gain : float
         Factor of the desired acceleration.
     authority : Authority
-        Common to all channels; its owner updates and reports it.
+        Force fraction common to all channels; its owner updates and reports it.
     trace : Trace
         Samples for supervision and learning.
 
@@ -99,7 +99,7 @@ class Channel(CoilChannel):
     supervisor : ResponseSupervisor
         Comparison of the handle with its plant.
     failure : str
-        Reason for which `none` has to take over; empty if there is none.
+        Reason why `none` has to take over; empty if there is none.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class Channel(CoilChannel):
         self._stages: dict[str, Stage] = {}
         self._build(controller)
         for name in prepared:
-            with suppress(OutsideError):  # said when the controller is selected
+            with suppress(OutsideError):  # reported when the controller is selected
                 self._build(name)
         self.fallback = Fallback(loop, approximate, authority, trace)
         self._ramp = max(1, round(RAMP * rate))
@@ -144,12 +144,11 @@ class Channel(CoilChannel):
     def select(self, name: str) -> None:
         """Change to another controller without a jump in force.
 
-        For `LISTENING` the new controller only receives samples, until its filters have settled.
-        It is then faded in over `FADING`. A running crossfade is completed before another
-        controller starts. In the idle state, and while the gain is zero, the change is immediate:
-        nothing is felt of it. A controller that was
-        replaced because it was worse than no compensation is tried again when it is selected
-        again.
+        During `LISTENING` the new controller only receives samples, until its filters have
+        settled. It is then faded in over `FADING`. A running crossfade is completed before another
+        controller starts. In the idle state, and while the gain is zero, the change is immediate,
+        as it is imperceptible. A controller that was replaced because it was worse than no
+        compensation is tried again when it is selected again.
 
         Raises
         ------
@@ -166,7 +165,7 @@ class Channel(CoilChannel):
             self.active, self.follower, self._waiting = stage, None, None
             self.fallback.follow(*self._judged)
         elif self.gain == self.gain_target == 0.0:
-            self._listen(self.active)  # to nobody
+            self._listen(self.active)  # no follower
             self._waiting = None
             self.take_over(stage)
             stage.rest = self.rest
@@ -176,19 +175,19 @@ class Channel(CoilChannel):
             self._listen(stage)
 
     def set_gain(self, gain: float) -> None:
-        """Change the factor of the desired acceleration; in the idle state at once."""
+        """Change the factor of the desired acceleration; immediately in the idle state."""
         self.gain_target, self.gain_left = gain, self._ramp
         self.gain_step = (gain - self.gain) / self._ramp
         if self.asleep:
             self.gain, self.gain_left = self.gain_target, 0
 
     def wake(self, tool_acceleration: float) -> None:
-        """End the idle state; `tool_acceleration` is that of the tool at rest, m/s^2."""
+        """End the idle state; `tool_acceleration` is the tool's acceleration at rest, m/s^2."""
         self.asleep = False
         self.rest = self.active.rest = tool_acceleration
 
     def adapt(self) -> int:
-        """Execute a part of the slow computations; return the number of samples to the next."""
+        """Execute a part of the slow computations; return the samples left to the next part."""
         fallback, count = self.fallback, self.trace.count
         judged = count >= fallback.due and fallback.update(count)
         left, self.failure = fallback.due - count, ""
@@ -196,7 +195,7 @@ class Channel(CoilChannel):
             controller = self._controllers[stage.name]
             try:
                 left = min(left, controller.adapt() or 1)
-            except Exception as error:  # of this package: a defect
+            except Exception as error:  # a defect of this package's controllers
                 reason = f"raised {type(error).__name__}: {one_line(error)}"
                 self.failure = replaced(stage.name, reason)
             self.failure = self.failure or controller.failure
@@ -207,9 +206,9 @@ class Channel(CoilChannel):
     def mute(self, muted: bool) -> None:
         """Compute no force while the device applies none, for example during an emergency stop.
 
-        A controller that took its own force for the one that acts would learn that the handle does
-        not answer, and would push with newtons as soon as the device applies forces again. They
-        are faded in over `FADING`; in the idle state there is nothing to fade.
+        A controller that assumes that its force acts would learn that the handle does not respond,
+        and would request several newtons as soon as the device applies forces again. Forces are
+        then faded in over `FADING`; in the idle state there is nothing to fade.
         """
         if self.muted and not muted and self.asleep:
             self.share = 1.0
@@ -223,8 +222,8 @@ class Channel(CoilChannel):
     def reset(self) -> None:
         """Return to the initial state.
 
-        The estimates of the actuator's heat and travel remain: a reset does not cool the coil. A
-        force that was no finite number, for which the tick calls this, is told in `failure`.
+        The estimates of the actuator's heat and travel remain: a reset does not cool the coil. If
+        the tick calls this because of a non-finite force, `failure` states that force.
         """
         self.failure = ""
         for stage in self._stages.values():
@@ -270,14 +269,14 @@ class Channel(CoilChannel):
             self._stages[name] = Stage(name, controller, SampleFilter(self._sections), cancelling)
 
     def _listen(self, stage: Stage) -> None:
-        """Prepare the next stage; none if it is already in use."""
+        """Start a stage as the follower, unless it is already active."""
         if self.follower:
             self.follower.reset()
         self.follower = None if stage is self.active else stage
         self.listened = 0
 
     def take_over(self, stage: Stage) -> None:
-        """Use another controller from now on, and prepare the one that waits."""
+        """Use another controller from now on, and start the waiting one."""
         self.active.reset()
         self.active, self.follower = stage, None
         self.fallback.follow(*self._judged)

@@ -36,12 +36,13 @@ AT_RANGE = 0.999
 """Fraction of full scale above which a handle sample counts as saturated, as converters differ."""
 
 STUCK = 0.03
-"""Time of equal samples, while a force acts, after which the handle's accelerometer is stuck, s. A
-converter of 12 bits at 10 g, without noise, shows slow forces of 0.1 m/s^2 for half as long."""
+"""Duration of equal samples, while a force acts, after which the handle's accelerometer counts as
+stuck, s. Slow forces that cause 0.1 m/s^2 do not change the reading of a noise-free 12-bit
+converter with a range of 10 g for half this time."""
 
 LOUD = 0.2
-"""Noise of an axis of the handle's accelerometer that is reported, m/s^2 RMS: three times that of
-the paper's sensor, or a tenth of a strong texture."""
+"""Noise of an axis of the handle's accelerometer above which diagnostics warn, m/s^2 RMS: three
+times that of the paper's sensor, or a tenth of a strong texture."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class CompensationParameters(Checked):
 def check_axes(
     parameters: CompensationParameters, options: Mapping[str, Checked], rate: float
 ) -> Axes:
-    """Return the axes of the parameters after a check that all goes with them.
+    """Return the axes of the parameters after a check of their plant and rate.
 
     Raises
     ------
@@ -97,7 +98,7 @@ def check_axes(
 
 
 def matrix_plant(options: Mapping[str, Checked], rate: float) -> MatrixPlant:
-    """Return the plant with three axes that the parameters name."""
+    """Return the three-axis plant that the parameters specify."""
     plant = options.get(PLANT, Plant())
     assert isinstance(plant, Plant)
     if not plant.model:
@@ -110,40 +111,40 @@ def matrix_plant(options: Mapping[str, Checked], rate: float) -> MatrixPlant:
 class Compensation(HandleCompensation):
     """High-pass, controllers and actuator limits of a handle with n coils, one sample at a time.
 
-    Each coil has a channel of its own: a controller with supervision and learning, which sees the
-    coil's plant alone. With several coils, tool and handle acceleration are decoupled before, see
-    `core.control.decoupling`. The limits are common: where a coil reaches its peak force, its heat
-    or its travel, the whole force is scaled and keeps its direction. Only a coil that must be
-    braked before its stop leaves it.
+    Each coil has its own channel: a controller with supervision and learning that models only the
+    coil's own plant. With several coils, tool and handle acceleration are decoupled first, see
+    `core.control.decoupling`. The limits are common: if a coil reaches its peak force, its heat
+    limit or its travel limit, the whole force is scaled and keeps its direction. The direction
+    changes only if a coil must be braked before its stop.
 
-    With a reduction, the channel along z receives the reduced tool acceleration, and other coils
-    have no force. Without their force, a decoupled axis moves by none, and the one of z as with a
-    single coil: supervision and learning go on.
+    With a reduction, the channel along z receives the reduced tool acceleration, and the other
+    coils have zero force. Their decoupled axes then do not move, and the axis along z moves as
+    with a single coil, so supervision and learning continue.
 
-    Stays idle until a sample differs from the first one since the start or a reset. While idle
-    there is no force, no count and no adaptation. An instance that was idle thus gives exactly the
-    results of a new instance. The noise of a real accelerometer ends the idle state at once. The
-    first sample is the tool's acceleration at rest, mostly gravity, so that the filters see no
-    step.
+    Stays idle until a sample differs from the first one since the start or a reset. In the idle
+    state there is no force, no counting and no adaptation, so an instance that was idle gives
+    exactly the results of a new instance. The noise of a real accelerometer ends the idle state at
+    once. The first sample is the tool's acceleration at rest, mostly gravity, so that the filters
+    see no step.
 
     Parameters
     ----------
     parameters : CompensationParameters
         Controller, high-pass corner, sensor range and axes.
-    rate : float
+    Samples per second; above twice the high-pass corner, and equal to that of a three-axis plant.
         Samples per second; above twice the high-pass corner, and that of a plant of three axes.
     options : mapping, optional
-        Parameters that differ from the defaults: of controllers by name, of the actuator
-        (`ACTUATOR`) and of the identified handle (`PLANT`); see `matrix_plant` for three axes.
+        Parameters of controllers (by name), of the actuator (`ACTUATOR`) and of the identified
+        handle (`PLANT`) that differ from the defaults; see `matrix_plant` for three axes.
     prepared : sequence of str
         Controllers to build in advance, so that `select` takes no time.
     latency : int
         Delay from sample to force, in samples.
     plant : MatrixPlant, optional
-        Identified handle with three axes, in place of the one that the parameters name.
+        Identified handle with three axes, instead of the one that the parameters specify.
     clock : callable, optional
-        Steady time, s, of slow computations, by which a controller of another package may be too
-        slow. By default it stands, as in lockstep.
+        Steady time of slow computations, s, to detect a slow controller of another package. The
+        default is constant, as in lockstep.
 
     Attributes
     ----------
@@ -152,18 +153,17 @@ class Compensation(HandleCompensation):
     channels : list of Channel
         Controllers of the coils, one for each axis.
     due : int
-        Count of samples, see `Trace`, from which `adapt` has something to do.
+        Count of samples, see `Trace`, at which `adapt` next has something to do.
     slow_work : DurationHistogram
-        Times of the parts of the slow computations by the clock.
+        Durations of the parts of the slow computations, measured with `clock`.
     failure : str
-        Reason for which `none` took over from the controller that was selected last; empty if
-        there is none.
+        Reason why `none` replaced the last selected controller; empty if it did not.
 
     Raises
     ------
     ParameterError
-        The rate is too low for the high-pass, or not the plant's; the latency is not allowed; or
-        there are two axes, or the model has another number of axes.
+        The rate is too low for the high-pass, or differs from the plant's; the latency is not
+        allowed; there are two axes; or the model has another number of axes.
     """
 
     authority: Authority
@@ -258,7 +258,7 @@ class Compensation(HandleCompensation):
             self._judge_anew()
 
     def set_gain(self, gain: float) -> None:
-        """Change the factor of the desired acceleration; in the idle state at once."""
+        """Change the factor of the desired acceleration; immediately in the idle state."""
         for channel in self.channels:
             channel.set_gain(gain)
 
@@ -268,18 +268,18 @@ class Compensation(HandleCompensation):
         Parameters
         ----------
         tool : tuple of float
-            Measured tool acceleration, m/s^2. If a component in use is not finite or beyond
-            `LARGEST_ACCELERATION`, all count as zero. Otherwise one bad sample could corrupt the
-            filters or keep the actuator at its limit for seconds.
+            Measured tool acceleration, m/s^2. If a component in use is not finite or exceeds
+            `LARGEST_ACCELERATION`, all components count as zero. Otherwise one bad sample could
+            corrupt the filters or keep the actuator at its limit for seconds.
         handle : tuple of float or None
-            Handle acceleration of the previous sample, m/s^2, as the present sample may not have
+            Handle acceleration at the previous sample, m/s^2, as the present sample may not have
             arrived. None if it is missing.
 
         Returns
         -------
         desired_acceleration : tuple of float
-            High-passed tool acceleration times the gain, m/s^2; in all axes also with a reduction,
-            if the handle has them.
+            High-passed tool acceleration times the gain, m/s^2; also with a reduction, in all axes
+            of the handle.
         actuator_force : tuple of float
             Force of each coil within its limits, N; always finite.
         """
@@ -288,7 +288,7 @@ class Compensation(HandleCompensation):
         return desired, (self.force_x, self.force_y, self.force_z)
 
     def adapt(self) -> None:
-        """Execute a part of the slow computations, if any is due; call it when no force is."""
+        """Execute a part of the slow computations if one is due; call it while no force is due."""
         count = self.first.trace.count
         if count < self.due or self.first.asleep:
             return
@@ -311,8 +311,8 @@ class Compensation(HandleCompensation):
             channel.fallback.hushed = is_proved or any(each.suspects for each in self.howling)
 
     def _work(self) -> int:
-        """Execute a part of what can wait; return the number of samples to the next."""
-        left = [channel.adapt() for channel in self.channels]  # all at the same time
+        """Execute a part of the deferrable work; return the samples left to the next part."""
+        left = [channel.adapt() for channel in self.channels]  # all in the same sample
         left.append(self.sensors.update(self.rejected, self.untrusted))
         self._replace_failed()
         if self.alignment:
@@ -320,12 +320,12 @@ class Compensation(HandleCompensation):
         if self._is_alone != self.judged_alone:
             self._judge_anew()
         elif self.first.substitution.reducible:
-            # Not in the samples in which the channels' supervision has its turn.
+            # Not in the samples in which the channels' supervision is computed.
             if self.authority.left <= 0 and self.first.trace.count % TURNS:
                 self.authority.update(all(each.supervisor.described for each in self.channels))
             left.append(max(1, self.authority.left))
         if self.switch.name != self.switch.active or 0.0 < self.switch.alone < 1.0:
-            left.append(1)  # the coil along z may soon be alone, or no longer
+            left.append(1)  # the coil along z may soon be driven alone, or no longer alone
         return min(left)
 
     def mute(self, muted: bool) -> None:
@@ -350,7 +350,7 @@ class Compensation(HandleCompensation):
         self._replace_failed()
 
     def _replace_failed(self) -> None:
-        """Let `none` take over from a controller that has failed in any channel."""
+        """Select `none` if the controller has failed in any channel."""
         failures = [channel.failure for channel in self.channels if channel.failure]
         if failures and self.controller != NONE:
             self.select(NONE)
@@ -359,7 +359,7 @@ class Compensation(HandleCompensation):
     def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return a warning, or an empty string, and values with units for diagnostics.
 
-        With several axes, those of a channel begin with the name of its axis.
+        With several axes, the keys of a channel start with the name of its axis.
         """
         values = {"controller": self.controller}
         for name, channel in zip(self.axes.names, self.channels, strict=True):
@@ -375,7 +375,7 @@ class Compensation(HandleCompensation):
 
     @property
     def warning(self) -> str:
-        """Warnings of axes and channels, and for all: noise of the accelerometer, less force."""
+        """Warnings of axes and channels, and about sensor noise and a reduced force."""
         found = [self.alignment.warning] if self.alignment else []
         for name, channel in zip(self.axes.names, self.channels, strict=True):
             warning = channel.warning
@@ -402,17 +402,17 @@ class Compensation(HandleCompensation):
         self.has_tool = self.has_handle = self.has_seen = False
 
     def _judge_anew(self) -> None:
-        """Judge the active controller, with its full force at first."""
+        """Restart the evaluation of the active controller, with its full force at first."""
         self.judged_alone = self._is_alone
         self.authority.reset()
 
     @property
     def _is_alone(self) -> bool:
-        """True if the coil along z is driven alone, among others."""
+        """True if, of several coils, only the one along z is driven."""
         return not self.single and self.switch.active != NO_REDUCTION
 
     def wake(self) -> None:
-        """End the idle state of the channels, for a tool that was at rest."""
+        """End the idle state of the channels, for a tool at rest."""
         rest = self.tool_x, self.tool_y, self.tool_z
         if not self.single:
             self.tool_decoupling.fill(*rest)

@@ -1,13 +1,13 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Decoupling of a handle with three coils: three plants that do not see each other.
+"""Decoupling of a handle with three coils into three independent plants.
 
-With the plant G = K diag(p_x, p_y, p_z), forces u_j that each follow their own desired
-acceleration, and D K = K D = I, the handle's acceleration a and the desired acceleration d, both
-after D, are related axis by axis: (D a)_j = p_j u_j. D thus comes before the controllers. Behind
-them it would have to commute with the p_j, which differ. Each controller's force is that of its
-coil, with the coil's own heat, travel and friction.
+Let the plant be G = K diag(p_x, p_y, p_z), let each force u_j follow its own desired acceleration,
+and let D K = K D = I. After filtering by D, the handle's acceleration a and the desired
+acceleration d are related axis by axis: (D a)_j = p_j u_j. D is thus placed before the
+controllers. After them, it would have to commute with the p_j, which differ. Each controller's
+force is that of its coil, with the coil's own heat, travel and friction.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from haptic_accel.core.handle.response import grid_for
 from haptic_accel.core.model import FloatArray
 
 DECOUPLING_LENGTH = 0.2
-"""Length of a decoupling, s, as of an inverse: twenty times the decay of a structural mode at 100
-Hz with a damping ratio of 0.15."""
+"""Length of a decoupling filter, s, as of an inverse: twenty times the decay time of a structural
+mode at 100 Hz with a damping ratio of 0.15."""
 
 MOST_TAPS = 512
-"""Maximum length of a decoupling: its equations have three times as many unknowns."""
+"""Maximum length of a decoupling filter: its equations have three times as many unknowns."""
 
 RIDGE = 1e-4
-"""Cost of the decoupling's gain relative to the mean weight: an error of less than 0.1 % in the
+"""Penalty on the decoupling filter's gain relative to the mean weight: an error below 0.1 % in the
 band, and no large gain above it, where hardly any texture is expected."""
 
 
@@ -39,9 +39,9 @@ def full_decoupling(
 ) -> FloatArray:
     """Design the causal inverse of a plant's coupling K.
 
-    With the spectrum S of the desired acceleration, the integral over frequency of S |K D - I|^2
-    is minimised. As K has no delay of its own, none is granted. Below the high-pass, where no
-    identification shows K, D is free.
+    The integral over frequency of S |K D - I|^2 is minimised, where S is the spectrum of the
+    desired acceleration. As K has no delay of its own, none is granted. Below the high-pass, where
+    no identification shows K, D is unconstrained.
 
     Parameters
     ----------
@@ -71,11 +71,11 @@ def full_decoupling(
         for spectra in (np.einsum("iaf,ibf->abf", weighted, response), weighted.transpose(1, 0, 2))
     )
     later = np.arange(length)[:, np.newaxis] - np.arange(length)
-    # Negative lags of the coils (a, b) are positive ones of (b, a).
+    # Negative lags of the coils (a, b) are positive lags of (b, a).
     gram = np.where(later >= 0, gram[:, :, abs(later)], gram.transpose(1, 0, 2)[:, :, abs(later)])
     matrix = gram.transpose(0, 2, 1, 3).reshape(3 * length, 3 * length)
     matrix[np.diag_indices_from(matrix)] += RIDGE * matrix.diagonal().mean()
-    # The sides are for the columns of the identity.
+    # Each column of the identity has a right-hand side.
     columns = sides.transpose(0, 2, 1).reshape(3 * length, 3)
     taps = cho_solve(cho_factor(matrix, overwrite_a=True), columns).reshape(3, length, 3)
     return np.ascontiguousarray(taps.transpose(0, 2, 1))

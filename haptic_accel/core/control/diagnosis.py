@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Name of what differs between a handle and its description, from the ratio of their responses."""
+"""Diagnosis of differences between a handle and its description, from their response ratio."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ from haptic_accel.core.handle.response import inverse_terms
 from haptic_accel.core.model import ComplexArray, FloatArray, MountParameters, handle_model
 
 LOWEST, HIGHEST = 20.0, 450.0
-"""Range of the lines, Hz: from where the hand's own motion ends to where textures end."""
+"""Frequency range, Hz: from the upper end of the hand's own motion to the upper end of
+textures."""
 
 LEAST_COHERENCE = 0.7
-"""Minimum coherence of a line, or a band; independent noise has 0.2 after a second."""
+"""Minimum coherence of a line or band; independent noise has 0.2 after a second."""
 
 LEAST_SHARE = 1e-2
-"""Minimum density of a line relative to the largest, so that leakage does not count."""
+"""Minimum power density of a line relative to the largest, to exclude leakage."""
 
 MOST = 0.6
-"""Minimum fraction of the level that is in coherent lines."""
+"""Minimum fraction of the level in coherent lines."""
 
 FEWEST_LINES = 10
 """Minimum number of lines: three parameters of the grip and the delay are fitted."""
@@ -35,62 +36,63 @@ LEAST_EXPECTED = 0.2
 accelerometer."""
 
 DELAYS = np.arange(-10, 61) * 50e-6
-"""Delays that are tried, s."""
+"""Candidate delays, s."""
 
 UNEXPLAINED = 0.12
 """Relative deviation from the best grip and delay above which a mode is assumed; friction and
-noise of the paper's rig leave half of it."""
+noise of the paper's rig cause half of it."""
 
 CLEAR = 2.5
-"""Ratio of the deviation without a delay, less the share of dry friction, to that with it from
-which on there is one: 1.8 at most for handles as described (simulated rigs)."""
+"""Ratio above which a delay is diagnosed: the deviation without a delay, minus the share of dry
+friction, over the deviation with the delay. It is at most 1.8 for handles that match their
+description (simulated rigs)."""
 
 NEGLIGIBLE = 0.015
 """Deviation that counts as an exact fit."""
 
 PULL = 1e-5
-"""Weight of the described grip relative to the excitation."""
+"""Weight of the pull towards the described grip, relative to the excitation."""
 
 ORDINARY = GripRange()
 """Hands within the model's tolerance: m_h within 30 %, k_u and b_u within a factor of two. A force
-per mass that such a hand explains has no name."""
+per mass that such a hand explains is not reported."""
 
 LEAST_ERROR, RUBBED = 0.05, 0.5
-"""Smallest relative error of the fitted mass, and its part per ratio of dry friction to the
-force (simulated rigs)."""
+"""Minimum relative error of the fitted mass, and its increase per ratio of dry friction to force
+(simulated rigs)."""
 
 NOTICEABLE_DELAY = 0.15e-3
-"""Delay in addition to the described one that is named, s. Less delay, which no device has by
-itself, is how some hands look in noise, and has no name."""
+"""Minimum delay, in addition to the described one, that is reported, s. A smaller delay, which no
+device has by itself, cannot be told from the effect of some hands in noise."""
 
 LOWEST_MODE = 50.0
-"""Frequency above which a peak is a mode, Hz; below, the hand's grip has its resonance."""
+"""Frequency above which a peak is a mode, Hz; the resonance of the hand's grip is lower."""
 
 CAUTION = 2.0
-"""Weight of the variance of the estimated response in the limit of the deviation."""
+"""Weight of the estimated response's variance in the limit of the deviation."""
 
 FEWEST_EVALUATIONS = 6.0
-"""Minimum number of evaluations for a scale or a delay: more than those that share one or two
-taps, whose ratio differs as a whole by chance; a texture has as many after 0.6 s."""
+"""Minimum number of evaluations for a scale or a delay. Fewer evaluations may share one or two
+taps, whose ratio deviates as a whole by chance; a texture reaches the number after 0.6 s."""
 
 MODE, POLARITY = "mode", "polarity"
-"""Kinds of differences that stand out from all hands and delays, however few the evaluations."""
+"""Kinds of differences that are clear for all hands and delays, even from few evaluations."""
 
 INDEPENDENCE = 0.5
-"""Independent evaluations per evaluation (Welch 1967)."""
+"""Equivalent independent evaluations per overlapping evaluation (Welch 1967)."""
 
 CLOSE = 0.1
-"""Relative change below which a name is kept."""
+"""Relative change below which a reported value is kept."""
 
 RAISING = 0.25
-"""Time for which the same difference must be found before it is named, s."""
+"""Time for which the same difference must be found before it is reported, s."""
 
 FITTING = 2.0
-"""Time without difference after which its name or report ends, s."""
+"""Time without a difference after which its report ends, s."""
 
 
 class Difference(NamedTuple):
-    """Kind of a difference, its numbers, and a text on both; the kind is empty for none."""
+    """Kind of a difference, its values, and a text on both; the kind is empty if there is none."""
 
     kind: str
     values: tuple[float, ...]
@@ -103,14 +105,14 @@ NOTHING = Difference("", (), "")
 class Diagnosis:
     """Find the simplest difference that explains the ratio of measured to expected response.
 
-    With the ratio R, the described handle H_0 and a delay tau, eq. (1) and (2) give
+    With the ratio R, the described handle H_0 and a delay tau, eqs. (1) and (2) give
 
         R H_0 (m_h T_1 + b_u T_2 + k_u T_3 + T_4) = exp(-j w tau)
 
-    which is linear in the grip; T are the terms of 1/H. A grip explains any hand, and a wrong
-    force or mass as well, as the bearing's term T_4 is small: the force per mass is named if its
-    m_h is not that of an ordinary hand. A delay is named if the deviation is much larger without
-    it. What neither grip nor delay explains is a mode, at the peak of R.
+    which is linear in the grip; T are the terms of 1/H. A grip explains any hand, and also a wrong
+    force or mass, as the bearing's term T_4 is small: the force per mass is reported if its m_h is
+    not that of an ordinary hand. A delay is reported if the deviation is much larger without it. A
+    deviation that neither grip nor delay explains is a mode, at the peak of R.
 
     Parameters
     ----------
@@ -124,7 +126,7 @@ class Diagnosis:
     Attributes
     ----------
     difference : str
-        Named difference; empty if there is none.
+        Reported difference; empty if there is none.
     """
 
     def __init__(self, plant: Plant, rate: float, frequency: FloatArray) -> None:
@@ -133,19 +135,19 @@ class Diagnosis:
         handle = plant.handle
         self._grip = np.array([handle.m_h, handle.b_u, handle.k_u])
         terms = inverse_terms(handle, lines) * handle_model(handle).response(lines)
-        # Relative to the described grip: the sum of all four is 1.
+        # The terms are relative to the described grip: the sum of all four is 1.
         self._terms: ComplexArray = terms * np.append(self._grip, 1.0)[:, np.newaxis]
         self._mount = _transmission(plant.mount, lines)
-        # Without a low-pass only whole samples of delay show.
+        # Without a low-pass, only delays of whole samples are visible.
         self._shows_delay = plant.bandwidth <= rate
         self._late = np.exp(-2j * np.pi * np.outer(DELAYS, lines))
         self._undelayed = int(np.argmin(np.abs(DELAYS)))
         self.reset()
 
     def reset(self) -> None:
-        """Forget all names."""
+        """Discard all reported differences."""
         self.difference = ""
-        self._named = NOTHING  # the difference as named
+        self._named = NOTHING  # the reported difference
         self._kind = ""
         self._since = 0.0  # time for which the last kind has been found, s
 
@@ -167,11 +169,11 @@ class Diagnosis:
         coherence : ndarray, shape (n,)
             Coherence of both.
         density : ndarray, shape (n,)
-            Density of the expected acceleration, (m/s^2)^2 per Hz.
+            Power density of the expected acceleration, (m/s^2)^2 per Hz.
         interval : float
             Time since the last estimate, s.
         evaluations : float
-            Number of windows that share the power of the estimate, which overlap by three
+            Number of windows that contribute to the power of the estimate. They overlap by three
             quarters: a single tap is in four.
         rubbing : float
             Ratio of dry friction to the force.
@@ -181,10 +183,10 @@ class Diagnosis:
         step = float(self._lines[1] - self._lines[0]) if len(self._lines) > 1 else 0.0
         if float(density.sum()) * step < LEAST_EXPECTED**2:
             return
-        # A line counts by its level, not its power: all of the range shows the handle.
+        # Lines are weighted by level, not by power, as the whole range describes the handle.
         levels = (density >= LEAST_SHARE * density.max()) * np.sqrt(density)
         weights = (coherence >= LEAST_COHERENCE) * levels
-        # Few lines that are coherent by chance have too large a response.
+        # Few lines that are coherent by chance have an overestimated response.
         if np.count_nonzero(weights) < FEWEST_LINES or weights.sum() < MOST * levels.sum():
             return
         weights /= weights.sum()
@@ -199,7 +201,7 @@ class Diagnosis:
             self._name(found)
 
     def _name(self, found: Difference) -> None:
-        """Name a difference, unless the present name is close enough."""
+        """Report a difference, unless it is close to the reported one."""
         pairs = zip(found.values, self._named.values, strict=False)
         is_close = all(abs(value - named) <= CLOSE * abs(named) for value, named in pairs)
         if found.kind != self._named.kind or not is_close:
@@ -215,7 +217,7 @@ class Diagnosis:
             if CLEAR * max(left[best], NEGLIGIBLE) + rubbing > left[self._undelayed]:
                 best = self._undelayed
             if left[best] >= limit + rubbing:
-                return NOTHING  # neither clearly a delay nor a mode
+                return NOTHING  # neither a delay nor a mode is certain
             error = max(LEAST_ERROR, float(left[best])) + RUBBED * rubbing
             late = float(DELAYS[best]) * self._shows_delay
             return _named(float(grips[0, best]), late, error)
@@ -227,7 +229,7 @@ class Diagnosis:
         return Difference(MODE, (frequency,), text)
 
     def _fitted(self, terms: ComplexArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the best grip for each delay, and the relative deviation that it leaves."""
+        """Return the best grip for each delay, and the remaining relative deviation."""
         grip, targets = terms[:3], self._late - terms[3]
         weighted = grip.conj() * weights
         matrix, vectors = (weighted @ grip.T).real, (weighted @ targets.T).real
@@ -240,7 +242,7 @@ class Diagnosis:
 
 
 def _named(mass: float, late: float, error: float) -> Difference:
-    """Return what a relative mass with a relative error, and a delay, s, differ by."""
+    """Return the difference for a relative mass with a relative error, and a delay, s."""
     if mass < 0.0:
         text = "the force acts in the opposite direction: swap the wires of the coil"
         return Difference(POLARITY, (), text)
@@ -257,7 +259,7 @@ def _named(mass: float, late: float, error: float) -> Difference:
 
 
 def _transmission(mount: MountParameters, frequency: FloatArray) -> ComplexArray:
-    """Return the motion of a mount over that of the handle."""
+    """Return the motion of a mount relative to that of the handle."""
     if not mount.frequency:
         return np.ones(len(frequency), dtype=np.complex128)
     ratio = frequency / mount.frequency

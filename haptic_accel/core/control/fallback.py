@@ -19,7 +19,7 @@ from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray
 from haptic_accel.core.tick import DESIRED, DRIVE, DYNAMIC, MEASURED, Substitution, Trace
 
 NONE = "none"
-"""Name of a substitute without force."""
+"""Name of the substitute without force."""
 
 ERROR_MEMORY = 0.5
 """Time constant of the running error, s."""
@@ -32,12 +32,12 @@ LEAST_DESIRED = 0.2
 motion and noise."""
 
 WORSE, WORSE_FOR = 1.15, 0.45
-"""Ratio of running error to error without force above which a controller is replaced, and for how
-long, s. The paper's conditions stay below: constant gain on its rig has 90 to 108 % on vinyl, and
-113 % in the worst half second."""
+"""Ratio of running error to error without force above which a controller is replaced, and duration
+of this excess, s. The paper's conditions stay below: constant gain on its rig has 90 to 108 % on
+vinyl, and 113 % in the worst half second."""
 
 UNDESCRIBED_WORSE, UNDESCRIBED_WORSE_FOR = 1.0, 0.4
-"""The same limits for a handle that deviates from its model, where replacement is faster."""
+"""The same limits for a handle that deviates from its model; replacement is then faster."""
 
 BETTER = 0.7
 """Ratio of predicted error to error without force below which a controller may be tried."""
@@ -59,33 +59,33 @@ LONGEST_PAUSE = 32.0
 force briefly, for example because of a second sender. A good controller must then return."""
 
 TRIAL = 1.0
-"""Duration of the return, s, long enough to detect a wrong force while it is small."""
+"""Duration of the gradual return, s, long enough to detect a wrong force while it is small."""
 
 TRIAL_WORSE, TRIAL_WORSE_FOR = 1.02, 0.1
-"""Ratio of running error to error without force that ends a trial, and for how long, s. Without
-force the handle moves a little with the arm: 1.01 on the paper's rig."""
+"""Ratio of running error to error without force that ends a trial, and duration of this excess, s.
+Without force the handle moves slightly with the arm: 1.01 on the paper's rig."""
 
 FILTER_SETTLING = 0.1
 """Time for which the filters of `dynamic` settle before it is faded in, s: its poles are at 9 Hz
 and above."""
 
 TURNS = 3
-"""Samples from one part of an evaluation to the next, so that two never have a part in the same
+"""Period of each part of an evaluation, in samples, so that no two parts are computed in the same
 sample."""
 
 
 class _Prospect(ResponseEstimator):
-    """Comparison of what a force would cause with what is desired."""
+    """Comparison of the predicted effect of a force with the desired acceleration."""
 
     def _has_gaps(self, end: int) -> bool:
-        return False  # both are known
+        return False  # both signals are known
 
 
 class Fallback(Substitution):
     """Reduce or replace the force of a controller that is worse than no compensation.
 
     Controllers that are designed for the identified handle are reduced: see `Authority`. Those of
-    the paper are used as they are, or replaced, as follows.
+    the paper are used unchanged or replaced, as follows.
 
     The handle's error is compared with the error without force, from spectra with exponential
     forgetting. If the error is larger for most of a second, the force is faded out. The force of
@@ -104,14 +104,14 @@ class Fallback(Substitution):
     authority : Authority
         Common to all axes; its owner updates and reports it.
     trace : Trace
-        Desired acceleration and force sent at each sample, the force that the controller asked for
-        as `drive`, and the acceleration measured at the sample before.
+        Signals of each sample: desired acceleration, force sent, force requested by the controller
+        (`drive`), and acceleration measured at the previous sample.
 
     Attributes
     ----------
     supervisor : ResponseSupervisor
     due : int
-        Count of the trace from which `update` has something to do.
+        Count of the trace at which `update` next has something to do.
     substitute : str
         Name of the substitute; empty if there is none.
     """
@@ -149,12 +149,12 @@ class Fallback(Substitution):
 
     @property
     def fraction(self) -> float:
-        """Fraction of the controller's force that does no harm."""
+        """Fraction of the controller's force that does not increase the error."""
         return float(self.share * self.authority.fraction)
 
     @property
     def used(self) -> float:
-        """Fraction of the controller's force that is used: less than `fraction` after silence."""
+        """Fraction of the controller's force in use: less than `fraction` after silence."""
         return float(self.share * self.authority.used)
 
     def start(self, name: str, granted_delay: int) -> None:
@@ -162,7 +162,7 @@ class Fallback(Substitution):
         self.supervisor.reset()
         self.share, self.gain = 1.0, 0.0
         self.requested = 0.0
-        self.running = 0  # number of samples of `dynamic` since it began
+        self.running = 0  # number of samples that `dynamic` has processed since its start
         self.follow(name, granted_delay)
 
     def follow(self, name: str, granted_delay: int) -> None:
@@ -175,7 +175,7 @@ class Fallback(Substitution):
         self._delay = self._latency + granted_delay + 1
         self.trace.kept = max(self.trace.kept, 2 * len(self._counted) + self._delay)
         self.authority.follow(self._delay)
-        # Counts before which no acceleration was desired of it, and no force asked for.
+        # Counts before which the controller had no desired acceleration, and no requested force.
         self._followed = self._replaced = self.due = self.trace.count
         self._pause = PAUSE
         self.probing = False
@@ -200,13 +200,13 @@ class Fallback(Substitution):
 
     @property
     def _parts(self) -> tuple[ResponseSupervisor | ResponseEstimator, ...]:
-        """Evaluations in use, in the order of their turns."""
+        """Active evaluations, in the order of their turns."""
         compared = self._tracking, self._prospect
         may_be_replaced = not self.reducible and self._name != NONE
         return self.supervisor, *compared[: may_be_replaced * (1 + bool(self.substitute))]
 
     def _tracked_pairs(self, length: int) -> tuple[FloatArray, FloatArray]:
-        # `dynamic` lags by one sample, independent of the controller's granted delay.
+        # `dynamic` lags by one sample, regardless of the controller's granted delay.
         later = max(0, self._granted - 1) if self.substitute == DYNAMIC else 0
         desired = self._desired(length, self._delay - later)
         return desired, latest(self.trace, MEASURED, length)
@@ -241,7 +241,7 @@ class Fallback(Substitution):
             self._replace()
 
     def _replace(self) -> None:
-        """Change to the next best controller."""
+        """Replace the controller by `dynamic` or by no force, or its substitute by no force."""
         if self._on_trial:
             self._pause = min(2.0 * self._pause, LONGEST_PAUSE)
         self._worse = self._idle = 0.0
@@ -268,7 +268,7 @@ class Fallback(Substitution):
         shared = (ratio.conj() * prospect.cross).real
         caused = np.abs(ratio) ** 2 * prospect.excitation
         error = caused - 2.0 * shared + prospect.output
-        # The fraction of the force with the smallest predicted error.
+        # Fraction of the force with the smallest predicted error.
         best = self._power(shared) / max(self._power(caused), 1e-12)
         self.part = min(max(best, LEAST_PART), LARGEST_PART)
         foreseen = math.sqrt(max(0.0, self._power(error)) / power)
@@ -283,7 +283,7 @@ class Fallback(Substitution):
             self._try(NONE)
 
     def _try(self, substitute: str) -> None:
-        """Increase the controller's share of the force beside a substitute."""
+        """Start to increase the controller's share of the force, with or without a substitute."""
         self.substitute = substitute
         self.probing = bool(substitute)
         self.pace = self.step * FADING / TRIAL
@@ -297,9 +297,10 @@ class Fallback(Substitution):
         return math.sqrt(self._power(error * desired) / self._power(desired))
 
     def _dynamic_response(self, loop: Loop) -> ComplexArray:
-        """Return the model's response to `dynamic`, over desired acceleration, one sample late.
+        """Return the model's acceleration with `dynamic` over the delayed desired acceleration.
 
-        Complex values on the lines of the estimates; exactly 1 would be ideal.
+        The delay is the latency and one sample. Complex values on the lines of the estimates; 1 is
+        ideal.
         """
         lines = self._tracking.frequency
         length = 2 * len(lines) - 2

@@ -15,9 +15,9 @@ In the factor 1 + Q (G - G_0) all parts are stable. The loop of a grip is stable
 factor's curve over the unit circle does not encircle zero, whatever K is. The middle grip is
 always stable. A limited force causes no difference from the model.
 
-Q is searched numerically: a gain times 1/P and a low-pass uses the margin at frequencies where it
-reduces no error. Least squares over the expected texture places the feedback at frequencies where
-grips matter. The margin is satisfied for each grip and frequency.
+Q is found by numerical optimisation. A gain times 1/P and a low-pass would use up the margin at
+frequencies where it reduces no error. Least squares over the expected texture concentrates the
+feedback at frequencies where grips matter. The margin is satisfied for each grip and frequency.
 """
 
 from __future__ import annotations
@@ -54,18 +54,18 @@ FEEDBACK_MEMORY = 0.05
 """Length of Q, s; four times this length reduces the error by less than 1 %."""
 
 FELT_FREQUENCY = 500.0
-"""Upper frequency of unexpected tool acceleration, Hz; fingertips feel little above it (Bolanowski
-et al., J. Acoust. Soc. Am. 84, 1988, measured 0.4 to 500 Hz)."""
+"""Upper frequency of unexpected tool acceleration, Hz; fingertips are hardly sensitive above it
+(Bolanowski et al., J. Acoust. Soc. Am. 84, 1988, measured 0.4 to 500 Hz)."""
 
 GRID_STEP = 0.5
 """Frequency resolution, Hz: an eighth of the width of the narrowest resonance of Table I."""
 
-_RESERVE = 0.97  # fraction of the |S| limit in the search: less final scaling
-_PENALTIES = (1.0, 10.0, 100.0, 1000.0)  # weights of |S| above the limit; the error has 1
+_RESERVE = 0.97  # fraction of the |S| limit in the search, for less final scaling
+_PENALTIES = (1.0, 10.0, 100.0, 1000.0)  # weights of |S| above the limit; the error's weight is 1
 _STEPS = 12  # steps per penalty
 _SETTLED = 1e-3  # relative decrease at which a penalty's search ends
-_SHORTEST = 1 / 64  # fractions of a step to try
-_RIDGE = 1e-9  # fraction of the normal equations' mean spectrum, for rounding
+_SHORTEST = 1 / 64  # smallest fraction of a step that is tried
+_RIDGE = 1e-9  # relative increase of the normal equations' diagonal, against rounding
 _HALVINGS = 12  # bisections of the scaling
 
 
@@ -170,9 +170,9 @@ def encirclements(curve: ComplexArray) -> int | None:
     Returns
     -------
     int or None
-        Anticlockwise is positive for one curve: minus the number of zeros outside the unit circle,
-        if there are no poles there. None if the curve turns by a right angle or more between
-        points, so that the number is undetermined.
+        For one curve, anticlockwise counts are positive: minus the number of zeros outside the
+        unit circle, if there are no poles there. None if the curve turns by a right angle or more
+        between points, so that the number is undetermined.
     """
     whole = np.concatenate([curve[..., ::-1].conj(), curve, curve[..., -1:].conj()], axis=-1)
     if not np.isfinite(whole).all() or not whole.all():
@@ -382,7 +382,7 @@ class _Problem:
         frequency, late = self.grid.frequency, self.grid.delay(1)
         passed = high_pass_response(goal.high_pass_frequency, frequency, rate)
         responses = np.stack([plant.response(frequency, rate) for plant in plants])
-        # A held force appears one sample later, as the model's first value.
+        # The response to a force starts one sample later, with the model's first value.
         self.model = self.grid.sequence(responses[0])[1 : length + 1]
         self._through = passed * late * responses
         self._modelled = passed * late * late * self.grid.spectrum(self.model)

@@ -49,7 +49,7 @@ def high_passed(tool: FloatArray, corner: float, rate: float) -> FloatArray:
     Parameters
     ----------
     tool : ndarray, shape (n,) or (n, k)
-        m/s^2.
+        Acceleration of the tool, m/s^2.
     corner : float
         Corner of the high-pass, Hz.
     rate : float
@@ -80,7 +80,7 @@ def check_corner(rate: float, high_pass_frequency: float) -> None:
     Raises
     ------
     ParameterError
-        The corner lies above half the rate.
+        The corner is above half the rate.
     """
     if not (math.isfinite(rate) and rate > 2 * high_pass_frequency > 0):
         raise ParameterError(
@@ -122,9 +122,10 @@ def without_hand_motion(
         once = signal.sosfilt(sections, values, axis=0)
         return np.asarray(signal.sosfilt(sections, once[::-1], axis=0)[::-1])
 
-    # The first pass begins in the middle of the hand's motion, whose step disturbs 0.3 s; the
-    # second begins where the first has removed that motion. Each half is therefore of the order
-    # whose second pass begins in it. (scipy's sosfiltfilt extends the last sample, with texture.)
+    # The first pass starts within the hand's motion, and this step disturbs 0.3 s. The second pass
+    # starts where the first has removed the motion. Each half is therefore taken from the order of
+    # passes whose second pass starts in that half. (scipy's sosfiltfilt extends the last sample,
+    # which includes texture.)
     middle = len(level) // 2
     return np.concatenate([twice(level[::-1])[::-1][:middle], twice(level)[middle:]])
 
@@ -134,8 +135,8 @@ def comparable(
 ) -> tuple[FloatArray, FloatArray]:
     """Return desired and actual acceleration without the hand's own motion, from aligned signals.
 
-    Both pass the filter of `without_hand_motion`: a handle that moves exactly as desired has no
-    error, not at the ends of a signal either.
+    Both pass the filter of `without_hand_motion`, so a handle that moves exactly as desired has no
+    error, not even at the ends of a signal.
 
     Parameters
     ----------
@@ -179,13 +180,14 @@ def inverse_of(model: ApproximateModel, rate: float) -> FloatArray:
 
 
 def cancelling_sections(suspension: Suspension, corner: float, rate: float) -> FloatArray:
-    """Return the sections from a known part of the arm's force to minus the coil's.
+    """Return the sections that convert a known part of the arm's force to the negated coil force.
 
-    In eq. (1) and (2) of the paper, the arm's force F_r on the handle and the coil's force F_a on
-    handle and coil cancel if F_a = -F_r (m_a s^2 + b_s s + k_s) / (m_a s^2): the hand has no part
-    in it, nor have mount and sensor, which both forces pass. Both forces act at the same time, so
-    no delay has to be granted. Three poles at a corner below the felt frequencies end the two
-    integrations and leave no steady force; below it the arm moves the handle as before.
+    In eqs. (1) and (2) of the paper, the arm's force F_r on the handle and the coil's force F_a on
+    handle and coil cancel if F_a = -F_r (m_a s^2 + b_s s + k_s) / (m_a s^2). The hand does not
+    matter, and neither do mount and sensor, through which both forces pass. Both forces act at the
+    same time, so no delay has to be granted. Three poles at a corner below the perceptible
+    frequencies replace the two integrations and remove the steady force; below the corner the arm
+    moves the handle as before.
 
     Parameters
     ----------

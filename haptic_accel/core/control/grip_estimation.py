@@ -21,7 +21,7 @@ GRIP = {"m_h": "kg", "b_u": "N s/m", "k_u": "N/m"}
 """Parameters of the grip and their units, in the order of all arrays."""
 
 HOP = 0.016
-"""Time between evaluations, s: enough for some independent values of a texture."""
+"""Time between evaluations, s: enough for several independent values of a texture."""
 
 LENGTH = 0.192
 """Length of the filters' impulse responses, s; they have decayed by then."""
@@ -54,28 +54,30 @@ LEAST_FORCE = 0.02
 """Minimum root mean square of the actuator's force within the band for an update, N."""
 
 PULL = 16.0
-"""Excitation, relative to the noise, at which half of what the equation says is believed: a line
-shows two of three parameters, and noise alone would find the third. Half as much lets weak lines
-move the grip; four times as much hides hands that are far from the assumed one."""
+"""Ratio of excitation to noise at which the equation and the assumed grip have equal weight. A
+spectral line determines two of three parameters, and the third would be determined by noise alone.
+With half this ratio, weak lines change the grip; with four times this ratio, hands that differ
+much from the assumed one are not found."""
 
 ARM = 40.0
-"""Frequency below which the motion with the arm exceeds the sensor's noise, Hz; it rises to lower
-frequencies as one over the frequency."""
+"""Frequency below which the motion with the arm exceeds the sensor's noise, Hz; its level is
+inversely proportional to frequency."""
 
 SURPRISE = 3.0
-"""Squared error of the newest hop with the present grip, relative to the least error of any grip,
-above which the past is discarded. Three parameters fitted to some ten independent values reduce
-the least error by a third, and a ratio of a few can be chance."""
+"""Ratio above which the past is discarded: squared error of the latest hop with the present grip
+over the smallest error with any grip. Three parameters fitted to some ten independent values
+reduce the smallest error by a third, and a ratio of a few can occur by chance."""
 
 NEGLIGIBLE = 3e-4
 """Squared error, relative to the squared force, that always counts as noise: 2 % of the force."""
 
 FEWEST = 6
-"""Minimum number of evaluations before the first change of the grip: the onset of a first
-contact."""
+"""Minimum number of evaluations before the first change of the grip; they cover the onset of the
+first contact."""
 
 NOTICEABLE = 0.01
-"""Minimum relative change of a parameter for a change of the grip, as new taps take time."""
+"""Minimum relative change of a parameter for a change of the grip, as new taps take computing
+time."""
 
 
 Factors = list[float]
@@ -100,12 +102,11 @@ class GripEstimator(Evaluation):
     A = m_a s^2 + b_s s + k_s, F' = (P/H) F. All terms pass the same band-pass, in which
     integrations are harmless, and are compared at its output.
 
-    Each hop is weighted by the inverse of its least error for any grip. A sudden change of a
-    loaded grip fits no grip, and thus has little weight. If the present grip's error is much
-    larger than the least, the hand has changed, and the past is discarded. The estimate is pulled
-    towards the assumed grip where it is no better known than noise of that error would allow.
-
-    `update` returns True when the grip has changed.
+    Each hop is weighted by the inverse of its smallest error with any grip. A hop in which a
+    loaded grip suddenly changes fits no grip, and thus has little weight. If the error with the
+    present grip is much larger than the smallest, the hand has changed, and the past is discarded.
+    Where noise of this size could explain the estimate as well, the estimate is pulled towards the
+    assumed grip. `update` returns True when the grip has changed.
 
     Parameters
     ----------
@@ -138,7 +139,7 @@ class GripEstimator(Evaluation):
         super().__init__(trace, filters.shape[-1], rows * thinning)
         self._of_acceleration = filters[:4].reshape(-1, self._length)
         self._of_force = filters[4]
-        # Moments of noise, and of what deviations from the assumed grip make of it.
+        # Moments of the noise in each term, and in the deviations from the assumed grip.
         lines = np.fft.rfftfreq(kernels.shape[1], 1.0 / rate)[1:]
         noise = np.fft.rfft(kernels[:4])[:, 1:] * np.hypot(1.0, ARM / lines)
         deviating = np.vstack([noise[:3], noise[:3].sum(axis=0)])
@@ -167,7 +168,7 @@ class GripEstimator(Evaluation):
         self.restart()
 
     def _look(self, late: int) -> Iterator[bool | None]:
-        # Newest first, as the filters.
+        # Newest sample first, as in the filters.
         force, motion = (
             latest(self.trace, each, self._length)[::-1].copy() for each in (FORCE, MEASURED)
         )
@@ -180,9 +181,9 @@ class GripEstimator(Evaluation):
             yield self._learn(terms @ terms.T, energy)
 
     def _learn(self, moments: FloatArray, energy: float) -> bool:
-        """Add the second moments and energy of a hop; return whether the grip changed.
+        """Add the second moments and energy of a hop; return True if the grip changed.
 
-        The terms are those of m_h, b_u and k_u at the assumed values, and the measured sum.
+        The terms are those of m_h, b_u and k_u at their assumed values, and the measured sum.
         """
         self.estimates += 1
         self._energy = self._kept * self._energy + (1.0 - self._kept) * energy
@@ -224,7 +225,7 @@ def _error(moments: FloatArray, factors: Factors) -> float:
 
 
 def _solution(moments: FloatArray) -> Factors:
-    """Return the factors of least error."""
+    """Return the factors with the smallest error."""
     (a, b, c, x), (_, d, e, y), (_, _, f, z), _ = moments.tolist()
     # Cramer's rule takes a tenth of the time of numpy.linalg for three unknowns.
     aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
@@ -235,7 +236,7 @@ def _solution(moments: FloatArray) -> Factors:
 
 
 def _sliding(kernel: FloatArray, rows: int, step: int) -> FloatArray:
-    """Return a filter matrix for a window: rows are the kernel, shifted by a step each."""
+    """Return a filter matrix for a window: each row is the kernel, shifted by one more step."""
     length = len(kernel)
     filters = np.zeros((rows, length + (rows - 1) * step))
     for row in range(rows):
@@ -255,7 +256,7 @@ def _kernels(plant: Plant, rate: float) -> FloatArray:
     fine = 16 * length
     frequency: FloatArray = np.fft.rfftfreq(fine, 1.0 / rate)[1:].astype(np.float64)
     s = 2j * np.pi * frequency
-    # The lower band edge is causal and decays within some hops; the upper one has zero phase.
+    # The lower band edge is causal and decays within a few hops; the upper one has zero phase.
     lower = (s / (s + 2 * np.pi * LOWEST)) ** STEEPNESS
     band = lower / (1.0 + (frequency / min(HIGHEST, 0.4 * rate)) ** 8)
     handle: HandleParameters = plant.handle

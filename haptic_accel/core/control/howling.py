@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Detection of a force that sustains itself, as the tool's accelerometer hears the handle."""
+"""Detection of howling: the tool's sensor picks up the handle, and the force sustains itself."""
 
 from __future__ import annotations
 
@@ -16,53 +16,53 @@ HEARS = (
     "the tool's sensor hears the handle: its vibration ends with the force; none took over; check"
     " the cables and the place of both sensors"
 )
-"""Message on a force that sustains itself."""
+"""Message about a force that sustains itself."""
 
 HOP, WINDOW = 8e-3, 24e-3
-"""Time from one evaluation to the next, and its length, s."""
+"""Period of the evaluations, and length of their window, s."""
 
 LEAST_FORCE, LEAST_TOOL = 0.05, 0.4
-"""Force, N RMS, and vibration of the tool, m/s^2 RMS, below which nothing is suspected."""
+"""Minimum force, N RMS, and minimum vibration of the tool, m/s^2 RMS, for a suspicion."""
 
 NOISE = 0.1
-"""Noise of both sensors that is no vibration, m/s^2 RMS."""
+"""Noise of both sensors that does not count as vibration, m/s^2 RMS."""
 
 TURNS = 2
-"""Least number of changes of the sign in a window: a hand's motion has fewer."""
+"""Minimum number of sign changes in a window: a hand's motion has fewer."""
 
 SAME = 0.005
-"""Largest share of the tool's vibration that is not the handle's, where the tool's sensor hears
-the handle. One that follows the tool is later, behind the same high-pass, but for a tone near
-57 Hz, at which the force may sustain itself."""
+"""Maximum fraction of the tool's vibration that the handle does not explain, if the tool's sensor
+picks up the handle. A handle that follows the tool lags behind it after the same high-pass, except
+for a tone near 57 Hz, at which the force may sustain itself."""
 
 SILENT_SHARE = 0.15
-"""Handle's acceleration relative to the tool's, and to the force by the mass that it moves, below
-which the handle does not answer: it may be the tool's sensor that does."""
+"""Ratio of the handle's acceleration to the tool's, and to the force over the moved mass, below
+which the handle does not respond; the tool's sensor may respond to the force instead."""
 
 TONAL, STRIDE = 0.1, 3e-3
-"""Share of a tone that its own past does not predict, at most, and how far ahead, s."""
+"""Maximum fraction of a tone that its own past does not predict, and the prediction time, s."""
 
 LASTING, GROWN = 0.5, 4.0
-"""Ratio of the power of a window's second half to that of its first, below which the vibration
-ends by itself; and of a window to each of the two before, above which it has just begun, as a tap
-does."""
+"""Ratio of the power of a window's second half to that of its first half below which the vibration
+ends by itself; and ratio of a window's power to that of either of the two windows before it, above
+which the vibration has just started, as after a tap."""
 
 MUTED, QUIET = 0.03, 0.015
-"""Time without force, s, and its end in which the tool is listened to."""
+"""Duration without force, s, and its final part in which the tool's vibration is measured."""
 
 ENDED = 0.05
-"""Share of the power that is left without force, beside what the handle rings, where the force
-sustains the vibration."""
+"""Maximum fraction of the power that remains without force, apart from the handle's ringing, if
+the force sustains the vibration."""
 
 FORESEEN = 0.2
 """Time for which the handle's motion is predicted, s: longer than high-pass and grip ring."""
 
 PAUSE, LONGEST_PAUSE = 0.25, 32.0
-"""Time after a suspicion without proof until the next one, s; it doubles each time."""
+"""Minimum and maximum time from a suspicion without proof to the next, s; it doubles each time."""
 
 
 class HowlingDetector:
-    """Suspicion that the tool's vibration is caused by the force, and its proof.
+    """Detection of tool vibration that is caused by the force, with a test without force.
 
     Parameters
     ----------
@@ -78,9 +78,9 @@ class HowlingDetector:
     Attributes
     ----------
     suspects : bool
-        True while the force is to be zero, to see whether the vibration ends with it.
+        True while the force has to be zero, to test whether the vibration ends with it.
     proved : bool
-        True once it has ended.
+        True once the vibration has ended with the force.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class HowlingDetector:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all samples and suspicions."""
+        """Discard all samples and suspicions."""
         self._taken = self._trace.count
         self._high_pass.reset()
         self._moved = np.zeros(self._length)
@@ -108,7 +108,7 @@ class HowlingDetector:
 
     @property
     def left(self) -> int:
-        """Number of samples until `update` has something to do; not positive if it is due."""
+        """Number of samples until the next evaluation; not positive if it is due."""
         return self._taken + self._hop - self._trace.count
 
     def update(self) -> None:
@@ -128,7 +128,7 @@ class HowlingDetector:
             self.suspects, self._since = True, 0
 
     def _follow(self, new: int) -> None:
-        """Pass the handle's latest acceleration through the high-pass of the tool's."""
+        """Filter the handle's latest acceleration with the tool's high-pass."""
         moved = latest(self._trace, MEASURED, new)
         if self._rest is None:
             self._rest = float(moved[0])
@@ -136,7 +136,7 @@ class HowlingDetector:
         self._moved = np.append(self._moved, passed)[-self._length :]
 
     def _is_suspicious(self) -> bool:
-        """Return whether the tool's vibration may be caused by the force."""
+        """Return True if the tool's vibration may be caused by the force."""
         trace, length, moved = self._trace, self._length, self._moved
         force, tool = latest(trace, FORCE, length), latest(trace, DESIRED, length)
         power = _power(tool)
@@ -156,16 +156,16 @@ class HowlingDetector:
         self._is_heard = is_heard
         caused = self._caused(length)
         self._gain = float(now @ caused) / max(float(caused @ caused), NOISE**2)
-        # Of a vibration that ends by itself less is left anyway.
+        # Less remains anyway of a vibration that ends by itself.
         spans = MUTED * self._rate / half
         self._least = ENDED * ending * min(1.0, lasting) ** spans
         return True
 
     def _is_deaf(self, force: FloatArray, power: float) -> bool:
-        """Return whether the handle's sensor answers neither a force nor the tool.
+        """Return True if the handle's sensor responds neither to the force nor to the tool.
 
-        At its range, or without a sample, it is unknown; then only a tone is suspicious, as there
-        are none by chance.
+        While the sensor is saturated, or a sample is missing, this is unknown; then only a tone is
+        suspicious, as tones do not occur by chance.
         """
         trace, moved = self._trace, _power(self._moved)
         unknown = (*trace.saturated, *trace.missing)
@@ -175,9 +175,9 @@ class HowlingDetector:
         return moved < SILENT_SHARE**2 * answer
 
     def _caused(self, length: int) -> FloatArray:
-        """Return the motion that the tool's sensor may hear, of the latest samples but the last.
+        """Return the motion that the tool's sensor may pick up, up to the sample before the last.
 
-        Where the handle's sensor does not answer, it is what is expected of the handle.
+        If the handle's sensor does not respond, this is the expected motion of the handle.
         """
         if self._is_heard:
             return self._moved[-length:]
@@ -186,13 +186,13 @@ class HowlingDetector:
         return np.array([passing.process(value) for value in expected])[-length:]
 
     def _is_tonal(self) -> bool:
-        """Return whether the tool's vibration follows from its own past, as a tone does."""
+        """Return True if the past predicts the tool's vibration, as for a tone."""
         length, step = self._length, self._stride
         past = [latest(self._trace, DESIRED, length, late) for late in (0, step, 2 * step)]
         return _left(past[0], *past[1:]) < TONAL
 
     def _decide(self) -> None:
-        """End the time without force: the vibration has ended with it, or goes on."""
+        """End the time without force; if the vibration has ended, the force was its cause."""
         length = max(1, round(QUIET * self._rate))
         tool = latest(self._trace, DESIRED, length, 1)
         left = _power(tool - self._gain * self._caused(length))
@@ -206,7 +206,7 @@ def _power(signal: FloatArray) -> float:
 
 
 def _left(signal: FloatArray, *causes: FloatArray) -> float:
-    """Return the share of a signal's power that a sum of others does not explain."""
+    """Return the fraction of a signal's power that a sum of others does not explain."""
     basis = np.array(causes)
     normal = basis @ basis.T + 1e-12 * np.eye(len(basis))
     cross = basis @ signal

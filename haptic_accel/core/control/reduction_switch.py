@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Change of the reduction from three axes to one while a compensation runs."""
+"""Switch between reductions of three axes to one while a compensation runs."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ Shaping: TypeAlias = Callable[[Vector], Vector]
 class ReductionSwitch(InputReduction):
     """Input of the coils' compensations: the tool's vibration in all axes, or reduced to one.
 
-    A change is none of the controllers, but of their input. As the next controller does, the next
-    reduction only receives samples for `LISTENING`, and is then crossfaded over `FADING`. Gravity
-    has another component in each reduction. The difference of both means is carried on, so that
-    the high-pass behind sees no step. A running crossfade is completed before another starts.
+    A change affects the controllers' input, not the controllers. Like a new controller, a new
+    reduction first only receives samples for `LISTENING`, and is then crossfaded over `FADING`.
+    Gravity has another component in each reduction. The mean difference is kept as an offset, so
+    that the following high-pass sees no step. A running crossfade is completed before another
+    starts.
 
     Parameters
     ----------
@@ -34,7 +35,7 @@ class ReductionSwitch(InputReduction):
     rate : float
         Samples per second.
     unreduced : callable
-        Function that gives the input without reduction.
+        Function that returns the input without reduction.
 
     Attributes
     ----------
@@ -87,7 +88,7 @@ class ReductionSwitch(InputReduction):
         return value if self._following is None else self._mixed(value, tool)
 
     def _mixed(self, value: Vector, tool: Vector) -> Vector:
-        """Return the input, crossfaded after the next reduction has listened."""
+        """Return the input; crossfade it after the next reduction has received enough samples."""
         assert self._following is not None
         following = self._shapings[self._following](tool)
         self._listened += 1
@@ -107,7 +108,7 @@ class ReductionSwitch(InputReduction):
         return x, y, z
 
     def _follow(self, value: Vector, following: Vector) -> None:
-        """Follow the mean difference of both inputs: mostly gravity."""
+        """Update the mean difference of both inputs, mostly gravity."""
         x, y, z = (a - b for a, b in zip(value, following, strict=True))
         if self._difference is None:
             self._difference = x, y, z
@@ -116,7 +117,7 @@ class ReductionSwitch(InputReduction):
         self._difference = m_x + a * (x - m_x), m_y + a * (y - m_y), m_z + a * (z - m_z)
 
     def _listen(self) -> None:
-        """Prepare the selected reduction; nothing if it is in use."""
+        """Prepare the selected reduction, unless it is in use."""
         self._following = None if self.name == self.active else self.name
         self._listened, self._difference = 0, None
         self._prepare()
@@ -139,7 +140,7 @@ class ReductionSwitch(InputReduction):
 
 
 PRINCIPAL = "principal"
-"""Name of the only reduction that learns."""
+"""Name of the only adaptive reduction."""
 
 
 def _along_z(name: str, rate: float) -> Shaping:

@@ -24,19 +24,20 @@ LOOKS = 4
 weight."""
 
 INDEPENDENCE = 0.5
-"""Independent evaluations per evaluation: windows overlap by three quarters (Welch 1967)."""
+"""Equivalent independent evaluations per evaluation: windows overlap by three quarters (Welch
+1967)."""
 
 FEW = 1.5
-"""Number of evaluations up to which nothing is a surprise."""
+"""Number of evaluations up to which no surprise is computed."""
 
 MOST_MISSING = 0.02
 """Maximum fraction of missing samples in a window; they repeat the previous value."""
 
 TINY = sys.float_info.min
-"""Smallest divisor: a zero over it is a zero."""
+"""Minimum divisor: zero divided by it is zero."""
 
 NEVER = 1 << 40
-"""Number of samples until a computation that is not needed."""
+"""Number of samples that stands for "never"."""
 
 
 def latest(trace: Trace, signal: int, length: int, late: int = 0, start: int = 0) -> FloatArray:
@@ -50,9 +51,9 @@ def latest(trace: Trace, signal: int, length: int, late: int = 0, start: int = 0
     length : int
         Number of samples.
     late : int
-        Number of newer samples.
+        Number of newer samples that are skipped.
     start : int
-        Count of the trace before which the signal is taken as zero.
+        Count of the trace before which the signal counts as zero.
     """
     end = trace.stored - late
     known = min(max(0, min(trace.count - late - start, end)), length)
@@ -62,10 +63,10 @@ def latest(trace: Trace, signal: int, length: int, late: int = 0, start: int = 0
 
 
 class Evaluation(ABC):
-    """Computation with a window of samples after each hop, in parts.
+    """Periodic computation with a window of samples, in parts.
 
-    It begins as soon as the window is full, unless samples are missing. A saturated sample hides
-    the largest values: its windows are not used.
+    It starts as soon as the window is full, unless samples are missing. Windows with a saturated
+    sample are not used, as saturation hides the largest values.
 
     Parameters
     ----------
@@ -73,14 +74,13 @@ class Evaluation(ABC):
     length : int
         Number of samples of a window.
     hop : int
-        Number of samples from one evaluation to the next: the time that a result may be old, as a
-        share of the window's length.
+        Number of samples from one evaluation to the next, which is the maximum age of a result.
     """
 
     def __init__(self, trace: Trace, length: int, hop: int) -> None:
         self.trace, self._length, self._hop = trace, length, hop
         trace.kept = max(trace.kept, length + hop)
-        # Gaps count in whole hops.
+        # Gaps are counted in whole hops.
         self._span = math.ceil(length / hop) * hop
         self.restart()
 
@@ -90,7 +90,7 @@ class Evaluation(ABC):
         return 1 if self._work else max(1, self._next - self.trace.count)
 
     def restart(self) -> None:
-        """Begin with the next sample."""
+        """Start with the next sample."""
         self._start = self.trace.count
         self._next = self._start + self._hop
         self._work: Iterator[bool | None] | None = None
@@ -111,7 +111,7 @@ class Evaluation(ABC):
         return bool(found)
 
     def _has_gaps(self, end: int) -> bool:
-        """Return whether too many measurements before a count are unknown."""
+        """Return True if too many measurements before a count are unknown."""
         first, trace = max(self._start, end - self._span), self.trace
         missing = sum(first <= place < end for place in trace.missing)
         return missing > MOST_MISSING * self._length or any(
@@ -120,9 +120,9 @@ class Evaluation(ABC):
 
     @abstractmethod
     def _look(self, late: int) -> Iterator[bool | None]:
-        """Evaluate a window, late by a number of samples; yield None after each part but the last.
+        """Evaluate a window that ended `late` samples ago; yield None after each part.
 
-        The last part yields whether there is a new result.
+        The last part instead yields True if there is a new result.
         """
 
 
@@ -149,9 +149,9 @@ class ResponseEstimator(Evaluation):
     Attributes
     ----------
     read : callable
-        Return so many of the latest inputs, and of the outputs measured at the same ticks, oldest
-        first: force and measured acceleration, unless replaced. A delay between the two that is
-        short compared with a window is part of the response.
+        Function that returns a number of the latest inputs, and of the outputs measured at the
+        same ticks, oldest first. The default is force and measured acceleration. A delay between
+        the two that is short compared with a window is part of the response.
     memory : float
         Time constant of forgetting, s; may be changed.
     model : ndarray, shape (n,)
@@ -205,7 +205,7 @@ class ResponseEstimator(Evaluation):
         return np.asarray(np.abs(self.cross) ** 2 / power)
 
     def reset(self) -> None:
-        """Forget all samples."""
+        """Discard all samples."""
         lines = len(self.frequency)
         self.excitation, self.output = np.zeros(lines), np.zeros(lines)
         self.cross = np.zeros(lines, dtype=np.complex128)
@@ -244,21 +244,21 @@ class ResponseEstimator(Evaluation):
         return latest(self.trace, FORCE, length), latest(self.trace, MEASURED, length)
 
     def _compare(self, cause: ComplexArray, effect: ComplexArray) -> None:
-        """Compare the spectra of a window with the estimate of those before."""
+        """Compare the spectra of a window with the estimate from the windows before."""
 
 
 class ChangeEstimator(ResponseEstimator):
-    """Estimate that notices a change of the response.
+    """Estimate that detects a change of the response.
 
     Attributes
     ----------
     surprise : float
         Power of the output that the estimate did not explain in the latest windows, relative to
-        the one that its own coherence predicts; far above 1 after a change of the response.
+        the power that its own coherence predicts; far above 1 after a change of the response.
     """
 
     def reset(self) -> None:
-        """Forget all samples."""
+        """Discard all samples."""
         super().reset()
         self.surprise = 1.0
 
@@ -270,7 +270,7 @@ class ChangeEstimator(ResponseEstimator):
         """Return the unexplained power of a window relative to the predicted one."""
         left = np.abs(effect - self.response * cause) ** 2
         independent = max(1.0, INDEPENDENCE * self.weight) + 0.5
-        # A fit to few windows explains too much of them, and too little of the next.
+        # A fit to few windows leaves too little of them unexplained, and too much of the next.
         predicted = float(np.sum(self.output * (1.0 - self.coherence)))
         predicted *= (independent + 1.0) / (independent - 1.0)
         return float(left.sum()) / max(predicted, TINY)
@@ -279,14 +279,13 @@ class ChangeEstimator(ResponseEstimator):
 class AutocorrelationEstimator(Evaluation):
     """Autocorrelation of a signal, up to a lag, with forgetting.
 
-    The signal is weighted by an exponential that falls into the past, and its autocorrelation by
+    The signal is weighted by an exponential that decays into the past, and its autocorrelation by
     Bartlett's lag window, so that the spectrum is nowhere negative (Blackman and Tukey, Bell
     System Tech. J. 37, 1958). At lags far below the longest the result is nearly exact.
 
     Parameters
     ----------
-    trace : Trace
-        Samples that `update` reads, in parts: of `drive`, while `desired` shows that there is
+    Samples that `update` reads, in parts: those of `drive`, while `desired` is large enough.
         something to learn.
     rate : float
         Samples per second.
@@ -329,7 +328,7 @@ class AutocorrelationEstimator(Evaluation):
         self.reset()
 
     def reset(self) -> None:
-        """Forget all samples."""
+        """Discard all samples."""
         self.sequence = np.zeros(self._lags)
         self.weight = 0.0
         self.restart()
@@ -355,5 +354,5 @@ class AutocorrelationEstimator(Evaluation):
 
 
 def _power_of_two(samples: float) -> int:
-    """Return the nearest length for fast transforms, at least 16."""
+    """Return the nearest power of two for fast transforms, at least 16."""
     return 1 << max(4, round(math.log2(samples)))

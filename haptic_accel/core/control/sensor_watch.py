@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Warning of a broken accelerometer, or of its cable, from the samples themselves."""
+"""Detection of a broken accelerometer or cable from the samples themselves."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from haptic_accel.core.outliers import LARGEST_SHARE, outliers
 from haptic_accel.core.tick.watching import DESIRED, FORCE, MEASURED, Trace
 
 PERIOD = 0.5
-"""Time between two judgements, s."""
+"""Time between two checks, s."""
 
 SEARCHED = 512
-"""Number of latest samples that are searched for spikes, or for any change."""
+"""Number of latest samples that are searched for spikes and for changes."""
 
 UNUSABLE_SHARE = 0.1
-"""Fraction of samples from which on they are told; a busy computer loses fewer (assumed)."""
+"""Fraction of unusable samples above which a warning is reported; a busy computer loses fewer
+(assumed)."""
 
 
 class SensorWatch:
-    """Judgement of the accelerometers of tool and handle, every `PERIOD`.
+    """Check of the accelerometers of tool and handle, once per `PERIOD`.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ class SensorWatch:
     Attributes
     ----------
     warning : str
-        Accelerometer and its defect; empty if none is seen.
+        Accelerometer and its defect; empty if none is detected.
     """
 
     def __init__(self, rate: float, traces: Sequence[Trace]) -> None:
@@ -46,17 +47,17 @@ class SensorWatch:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was seen; the numbers of unusable samples go on."""
+        """Discard the results; the counts of unusable samples continue."""
         self._count, self.warning = 0, ""
 
     def update(self, tool: int, handle: int) -> int:
-        """Judge, if it is time to; return the number of samples until then.
+        """Check the sensors if this is due; return the number of samples to the next check.
 
         Parameters
         ----------
         tool, handle : int
-            Number of samples of each accelerometer that were missing, saturated or no number,
-            since the start.
+            Number of missing, saturated and non-numeric samples of each accelerometer since the
+            start.
         """
         passed = self._traces[0].count - self._count
         if passed < self._period:

@@ -112,7 +112,7 @@ class ResponseSupervisor:
 
     @property
     def warning(self) -> str:
-        """Deviating bands, the recommended action, and what differs; empty if nothing does."""
+        """Deviating bands, the recommended action, and the difference; empty if there is none."""
         return ", ".join(filter(None, (self._deviating_bands(), self._diagnosis.difference)))
 
     def _deviating_bands(self) -> str:
@@ -129,7 +129,7 @@ class ResponseSupervisor:
     def fitting(self) -> float:
         """Time for which all evaluated bands have fitted, s.
 
-        It begins with the last deviation or the last saturated sample.
+        It starts at the last deviation or the last saturated sample.
         """
         saturated = self.trace.saturated
         return 0.0 if saturated and saturated[-1] >= self._fitted_from else self._fitting
@@ -142,14 +142,14 @@ class ResponseSupervisor:
     def expected(self, length: int, force: int = FORCE, start: int = 0) -> FloatArray:
         """Return the model's acceleration at the latest samples, m/s^2, oldest first.
 
-        It is that for a signal of the trace as the force, zero before a start, which acts from the
-        next sample on.
+        The force is a signal of the trace, zero before `start`, and acts from the next sample on.
         """
         past = response_estimation.latest(self.trace, force, length + len(self.taps) - 1, 1, start)
         return np.convolve(past, self.taps, "valid") if past.any() else np.zeros(length)
 
     def _pairs(self, length: int) -> tuple[FloatArray, FloatArray]:
-        # Most of a window was in the one before: a convolution is the longest part of this work.
+        # Most of a window was part of the previous one. A convolution is the longest part of this
+        # work.
         new = min(length, self.trace.count - self._expected_until)
         self._expected_until = self.trace.count
         self._expected = np.concatenate([self._expected[new:], self.expected(new)])
@@ -163,14 +163,14 @@ class ResponseSupervisor:
         if done and estimator.excitation.any():  # otherwise no force has driven the handle
             self._judge()
             evaluations = self._evaluations()
-            # No difference is named as long as a window holds a sample in which a limit acts.
+            # No difference is reported while a window contains a sample at which a limit acted.
             if self.trace.count >= self.trace.limited + self._holding:
                 found = estimator.response, estimator.coherence, estimator.excitation
                 self._diagnosis.judge(*found, estimator.interval, evaluations, self._rubbing)
         return done
 
     def _evaluations(self) -> float:
-        """Return the number of evaluations that share the expected power of the estimate."""
+        """Return the effective number of evaluations in the expected power of the estimate."""
         estimator = self._estimator
         power = estimator.weight * float(estimator.excitation.sum())
         left = math.exp(-estimator.interval / COMPARISON_MEMORY)
@@ -179,12 +179,12 @@ class ResponseSupervisor:
         return power**2 / self._squares if self._squares else 0.0
 
     def reset(self) -> None:
-        """Discard all samples and results; the trace begins anew."""
+        """Discard all samples and results, and reset the trace."""
         self.trace.reset()
         self._estimator.reset()
         self._expected_until = -len(self._expected)
         self._diagnosis.reset()
-        # Power of all windows, and sum of the squared powers of each.
+        # Power of all windows, and sum of their squared powers.
         self._power, self._squares = 0.0, 0.0
         bands = len(self._edges)
         self._over, self._under = np.zeros(bands), np.zeros(bands)
@@ -219,7 +219,7 @@ class ResponseSupervisor:
         judged = (power * step >= LEAST_EXPECTED**2) & (
             self._bands @ coherent >= LEAST_COHERENCE * power
         )
-        # Harmonics of friction on a line below are no response.
+        # A smaller force may be hidden by harmonics of friction at lower frequencies.
         judged &= self._bands @ (self._per_force * expected) * step >= self._friction**2
         force = math.sqrt(float(self._per_force @ expected) * step)
         self._rubbing = self._friction / max(force, 1e-9)  # share of dry friction
@@ -238,7 +238,7 @@ def supervise(
     rate : float
         Samples per second.
     force : ndarray, shape (n,)
-        Force that each sample caused, N.
+        Force caused by each sample, N.
     acceleration : ndarray, shape (n,)
         Handle acceleration at each sample, m/s^2.
 
@@ -277,7 +277,7 @@ def _edges(rate: float) -> list[tuple[float, float]]:
 def _ordinary_deviation(plant: Plant, lines: FloatArray, bands: FloatArray) -> FloatArray:
     """Return the largest RMS deviation of ordinary hands in each band."""
     described, *others = ORDINARY.grips(plant.handle)
-    inner = slice(1, None)  # nothing moves at 0 Hz
+    inner = slice(1, None)  # the response is zero at 0 Hz
     response = handle_model(described).response(lines[inner])
     counts = np.maximum(bands.sum(axis=1), 1.0)
     largest = np.zeros(len(bands))

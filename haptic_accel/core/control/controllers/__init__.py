@@ -48,7 +48,7 @@ CONTROLLERS = with_outside(
 def granted_delay(controller: str, parameters: Mapping[str, Checked], rate: float) -> int:
     """Return the delay, in addition to the latency, for evaluating a controller, in samples.
 
-    The paper's controllers do not wait: they are granted the sample after which a force is first
+    The paper's controllers do not wait: their delay is one sample, after which a force is first
     visible. The others have the parameter `granted_time`.
 
     Parameters

@@ -69,7 +69,7 @@ class AdaptiveController(AdaptiveForce, InverseController):
         return min(estimator.left, learner.left)
 
     def judged(self, fitting: float, fraction: float) -> None:
-        """Forget the handle's response faster while the force does harm: it has changed."""
+        """Forget the response faster while the force is harmful, as the handle has changed."""
         self._learner.hasten(fraction)
 
     def freeze(self, frozen: bool) -> None:
@@ -77,7 +77,7 @@ class AdaptiveController(AdaptiveForce, InverseController):
         self.frozen = frozen
 
     def reset(self) -> None:
-        """Clear the filters and the estimated grip."""
+        """Reset the filters and the estimated grip."""
         self.trace.reset()
         self._estimator.reset()
         self._grip = self._estimator.grip
@@ -94,7 +94,7 @@ class AdaptiveController(AdaptiveForce, InverseController):
                 f" explains {100 * self._learner.explained:.0f} % of its motion"
             )
         ends = self._estimator.at_end
-        # Report no grip if none fits.
+        # Report no bound if no grip fits.
         if not ends or self._learner.deviation >= UNDESCRIBED:
             return ""
         grip = dict(zip(GRIP, self._grip.tolist(), strict=True))
@@ -115,10 +115,10 @@ class AdaptiveController(AdaptiveForce, InverseController):
 
 
 FORGETTING_TIME = 2.0
-"""Time constant of forgetting, in excited time, s: some strokes over a surface."""
+"""Time constant of forgetting, in excited time, s: a few strokes over a surface."""
 
 HASTY = 0.15
-"""Smallest memory of the plant relative to `FORGETTING_TIME`: some independent evaluations."""
+"""Minimum memory of the plant relative to `FORGETTING_TIME`: a few independent evaluations."""
 
 SHORTEST_WINDOW = 0.5
 """Minimum signal length for one evaluation, s: lines 2 Hz apart."""
@@ -135,29 +135,28 @@ LEAST_ACCELERATION = 0.05
 motion in the handle's acceleration."""
 
 LEAST_FORCE = 1e-6
-"""Root mean square of the actuator's force that counts as none, N. The coherence shows whether a
-force is seen above the noise."""
+"""Root mean square of the actuator's force below which it counts as zero, N. The coherence shows
+whether a force is measurable above the noise."""
 
 EXPECTED_SURPRISE = 1.1
-"""Surprise up to which the handle counts as unchanged; its memory falls with the third power of
-what exceeds it."""
+"""Value of `surprise` up to which the handle counts as unchanged; above it, the memory decreases
+with the third power of their ratio."""
 
 NOT_LEARNT = 4.0
-"""Time for which a force is reduced after which the handle counts as not learnt, s of
-excitation."""
+"""Duration of a reduced force after which the response counts as not learnt, s of excitation."""
 
 LEARNT = 6.0, 12.0
 """Frequencies below which the plant is not learnt, and above which it is learnt fully, Hz: the
-hand's own motion is no response to the force."""
+hand's own motion is not a response to the force."""
 
 PRIOR_WEIGHT = 1.0
-"""Weight of the expected spectrum in evaluations, each of an eighth of a second."""
+"""Weight of the expected spectrum, as a number of evaluations, each of an eighth of a second."""
 
 EVER_EXPECTED = 5e-3
 """Fraction of the expected spectrum that always remains, by power."""
 
 FIRST_EXPECTED = 4.0
-"""The same while the plant is not known: a filter for a narrow spectrum needs an accurate
+"""This fraction while the plant is not known: a filter for a narrow spectrum needs an accurate
 plant."""
 
 CAUTION = 4.0
@@ -165,15 +164,15 @@ CAUTION = 4.0
 deviation is accepted."""
 
 MOTION = 6e-5
-"""Density of what the force does not move, (m/s^2)^2/Hz: 0.02 to 0.04 m/s^2 RMS over 40 Hz with
-the arm, and as much by dry friction. A line on which less is expected shows no response: by chance
-the ratio of a few of many lines would be small, and the filter there large."""
+"""Density of motion that the force does not cause, (m/s^2)^2/Hz: 0.02 to 0.04 m/s^2 RMS over 40 Hz
+by the arm, and as much by dry friction. Lines with a smaller expected density show no response: by
+chance, a few of many lines would have a small ratio, and the filter would be large there."""
 
 UNRESOLVED = 0.1
-"""Incoherence that few evaluations cannot show."""
+"""Incoherence that cannot be detected from few evaluations."""
 
 NEGLIGIBLE = 1e-2
-"""Relative deviation of the plant that is half accepted even if it is certain."""
+"""Relative deviation of the plant of which half is accepted even if it is certain."""
 
 STEPS = 6
 """Improvement steps per design; the next design continues from the result."""
@@ -183,7 +182,7 @@ class Learner:
     """Redesign a bank of inverses for the observed spectrum and plant.
 
     The tool's spectrum is that of the exact autocorrelation of the convolution's input. A windowed
-    spectrum would smear the slow motion of the hand, which is not felt, but needs most of the
+    spectrum would smear the slow motion of the hand, which is imperceptible, but needs most of the
     travel. The plant is the model with the estimated grip, times the ratio of measured to expected
     response to the applied force, line by line. An uncertain ratio is shifted towards 1. Without
     feedback the ratio has no bias. It includes effects without a parameter: a mode of the mount,
@@ -196,7 +195,7 @@ class Learner:
     Parameters
     ----------
     trace : Trace
-        Desired acceleration, the same after the inverse's extension as `drive`, force that drives
+        Desired acceleration, the same after the inverse's extension (`drive`), force that drives
         the handle, and acceleration measured when that force took effect.
     family : InverseFamily
         Inverses for the estimated grip, to which the corrections are added.
@@ -280,8 +279,8 @@ class Learner:
     def reset(self) -> None:
         """Discard everything learnt."""
         self._ratio.memory = FORGETTING_TIME
-        self._used_at = 0  # number of the ratio's estimates
-        self._fraction = 1.0  # latest one of the force
+        self._used_at = 0  # estimates of the ratio when the force was last not reduced
+        self._fraction = 1.0  # latest fraction of the force
         self._tool.reset()
         self._ratio.reset()
         described = self._known * handle_model(self._handle).response(self._lines)
@@ -291,10 +290,11 @@ class Learner:
         self.deviation, self.estimates = 0.0, 0
 
     def hasten(self, fraction: float) -> None:
-        """Shorten the memory of the plant, down to `HASTY`, for the used fraction of the force.
+        """Shorten the memory of the plant, down to `HASTY`, for the fraction of the force in use.
 
-        Not while the handle moves as learnt: a small force takes long to be seen above the noise.
-        Where it does not, what was learnt with more force loses the weight of its larger power.
+        The memory stays long while the handle moves as learnt: a small force takes long to be
+        measurable above the noise. Otherwise, samples with more force lose the weight of their
+        larger power.
         """
         ratio = self._ratio
         unchanged = 0.0
@@ -309,7 +309,7 @@ class Learner:
 
     @property
     def is_hidden(self) -> bool:
-        """True if the force has been reduced for long, as the plant is not learnt."""
+        """True if the force has been reduced for long because the plant is not learnt."""
         return (self._ratio.estimates - self._used_at) * self._ratio.interval > NOT_LEARNT
 
     @property
@@ -365,7 +365,7 @@ class Learner:
         weight = self._tool.weight / (self._tool.weight + PRIOR_WEIGHT)
         kept = EVER_EXPECTED if self._ratio.weight else FIRST_EXPECTED
         driven = (1.0 - weight + kept) * self._expected + weight * scale * seen
-        # The rest of a pause leaves small negative densities.
+        # After a pause, small negative densities may remain.
         return np.maximum(driven, EVER_EXPECTED * self._expected)
 
     def _certain_ratio(self) -> ComplexArray:

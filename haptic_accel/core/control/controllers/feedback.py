@@ -48,7 +48,7 @@ class FeedbackParameters(InverseParameters):
     grips: GripRange = field(default_factory=GripRange)
 
     def granted_delay(self, rate: float) -> int:
-        """Return the granted delay in samples; a feedforward of the paper does not wait."""
+        """Return the granted delay in samples; one for a feedforward of the paper."""
         return super().granted_delay(rate) if self.feedforward == INVERSE else 1
 
     def design(self, loop: Loop, feedforward: Response | None = None) -> FeedbackDesign:

@@ -14,25 +14,25 @@ from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.outside import OutsideError, guard
 
 FADING = 5e-3
-"""Time in which the last force of a controller that has failed fades out, s, as between two
-controllers."""
+"""Duration of the fade-out of a failed controller's last force, s, as between two controllers."""
 
 SHARE = 0.5
-"""Largest share of a sample's time for a controller's own computations: at the highest rates that
-are held, all other parts of a tick take up to half."""
+"""Maximum fraction of a sample's time for a controller's own computations: at the highest rates
+that are sustained, all other parts of a tick take up to half."""
 
 WINDOW, WINDOWS, LOOK = 0.05, 5, 10
-"""Time over which the share is averaged, s, and how many such times in turn must exceed it: the
-machine, too, may stall, but not in each of them. Samples from one look at it to the next."""
+"""Averaging time of this fraction, s; number of successive averages that must exceed the limit, as
+the computer itself may stall in some of them; and number of samples between checks."""
 
 NO_FORCE = "returned {}, which is no finite number"
-"""Reason to replace a controller."""
+"""Reason to replace a controller that returned a non-finite force."""
 
 
 class ForeignController(Controller):
     """Controller of another package; after a failure its last force fades out, until a reset.
 
-    It fails if it raises anything, returns no finite number, or is too slow by the loop's clock.
+    It fails if it raises an exception, returns no finite number, or is too slow by the loop's
+    clock.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class ForeignController(Controller):
         self._samples, self._spent, self._exceeded = 0, 0.0, 0
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
-        """Return the controller's force, or what is left of it after a failure."""
+        """Return the controller's force, or the fading last force after a failure."""
         self._samples += 1
         call = self._controller.force
         given = self._call(call, desired_acceleration, measured_acceleration)
@@ -67,16 +67,16 @@ class ForeignController(Controller):
         return self._last * self._left / self._fading
 
     def applied(self, actuator_force: float) -> None:
-        """Pass the force that is sent."""
+        """Forward the force that is sent."""
         self._call(self._controller.applied, actuator_force)
 
     def reset(self) -> None:
-        """Return to the initial state; a failure is forgotten."""
+        """Return to the initial state and clear a failure."""
         self._begin()
         self._call(self._controller.reset)
 
     def adapt(self) -> int:
-        """Execute a part of the controller's slow computations, and judge its time."""
+        """Execute a part of the controller's slow computations, and check its computing time."""
         adapt = self._controller.adapt
         left: int = self._call(lambda: min(adapt() or 1, LOOK)) or 1
         period = 1.0 / self._rate
@@ -89,7 +89,7 @@ class ForeignController(Controller):
         return left
 
     def judged(self, fitting: float, fraction: float) -> None:
-        """Pass a new result of the supervision."""
+        """Forward a new result of the supervision."""
         self._call(self._controller.judged, fitting, fraction)
 
     def freeze(self, frozen: bool) -> None:
@@ -105,7 +105,7 @@ class ForeignController(Controller):
 
     @property
     def warning(self) -> str:
-        """Description of a present fault; a failure is told by what replaces the controller."""
+        """Description of a present fault; `failure` describes a failure."""
         return self._call(lambda: str(self._controller.warning)) or ""
 
     def _call(self, act: Callable[..., Any], *given: Any) -> Any:
@@ -126,5 +126,5 @@ class ForeignController(Controller):
 
 
 def replaced(name: str, reason: str) -> str:
-    """Return the text on a controller that was replaced for a reason."""
+    """Return the message on a controller that was replaced for a reason."""
     return f"controller {name}: {reason}; none took over"

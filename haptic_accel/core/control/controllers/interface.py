@@ -33,7 +33,7 @@ class Loop:
     travel : float
         Free travel of the actuator either way, m.
     clock : callable
-        Steady time, s; in lockstep it stands, as a computation may take any time.
+        Steady time, s; constant in lockstep, where a computation may take any time.
     """
 
     rate: float
@@ -76,13 +76,13 @@ class Controller(Force, ABC):
 
     reducible: ClassVar[bool] = False
     """True if the force is reduced while it is worse than no force, and if it cancels the steps of
-    the arm's encoders; the paper's controllers are replaced, and used as they are."""
+    the arm's encoders. The paper's controllers are used unchanged, or replaced."""
 
     needs_plant: ClassVar[bool] = True
     """True if the force depends on the loop's plant."""
 
     failure: str = ""
-    """Reason for which `none` has to take over; empty if there is none."""
+    """Reason why `none` has to take over; empty if there is none."""
 
     @abstractmethod
     def __init__(self, parameters: Any, loop: Loop) -> None: ...
@@ -106,12 +106,12 @@ class Controller(Force, ABC):
         """
 
     def adapt(self) -> int | None:
-        """Execute a part of slow computations, tens of microseconds, while no force is due.
+        """Execute a part of the slow computations, tens of microseconds, while no force is due.
 
         Returns
         -------
         int or None
-            Number of samples until the next part; None is the next sample.
+            Number of samples until the next part; None stands for the next sample.
         """
         return NEVER
 
@@ -123,7 +123,7 @@ class Controller(Force, ABC):
         fitting : float
             Time for which the response has fitted the plant, s of excitation.
         fraction : float
-            Fraction of the controller's force that does no harm, from 0 to 1.
+            Fraction of the controller's force that does not increase the error, from 0 to 1.
         """
 
     def freeze(self, frozen: bool) -> None:

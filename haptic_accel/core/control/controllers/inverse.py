@@ -78,13 +78,13 @@ class InverseController(InverseForce, Controller):
         excursion = ExcursionControl(
             bank.taps, bank.motion, plant.handle, loop.travel_limit, loop.rate
         )
-        # A force acts in the period before the sample that shows it.
+        # A force acts in the period before the sample that shows its effect.
         lag = parameters.granted_delay(loop.rate) - 0.5 - plant.delay * loop.rate
         friction = FrictionCompensation(plant.handle, plant.friction, loop.rate, lag)
         InverseForce.__init__(self, bank.sections, excursion, friction)
 
     def reset(self) -> None:
-        """Clear the filters."""
+        """Reset the filters."""
         self.extension.reset()
         self.excursion.restart(self._bank.taps)
         self.friction.reset()

@@ -35,22 +35,24 @@ STEP = 0.05
 """Frequency resolution of the bounds, Hz: a memory of ten seconds."""
 
 FADING_IN = 0.5
-"""Time in which the input of a limited bound is faded in, s."""
+"""Duration of the fade-in of the input for a limited bound, s."""
 
 TRAVEL_COSTS = [10.0**power for power in range(13)]
-"""Costs of travel, s^-4, from less than all felt motion to no travel. Without this cost, the
-filter for a non-invertible plant integrates twice, for which no memory is long enough."""
+"""Costs of travel, s^-4: the smallest one allows all perceptible motion, the largest no travel.
+Without this cost, the filter for a non-invertible plant integrates twice, for which no memory is
+long enough."""
 
 FORCE_COSTS = [10.0**power for power in range(-6, 9)]
-"""Costs of force, (m/s^2 per N)^2: from less than the smallest response of a plant to no force."""
+"""Costs of force, (m/s^2 per N)^2: from less than the smallest response of a plant to a cost that
+allows no force."""
 
 _HALVINGS = 5  # bisections of the log distance of two costs: to 7 %
 
 CONVERGED = 1e-6
-"""Largest change of a spectral factor, relative to 1, that ends its iteration."""
+"""Maximum change of a spectral factor, relative to 1, at which its iteration ends."""
 
 MOST_ITERATIONS = 40
-"""Limit of the iteration: it halves a deviation at first, and squares it at the end."""
+"""Maximum number of iterations: each halves a deviation at first, and squares it at the end."""
 
 
 def causal_bound(
@@ -136,9 +138,10 @@ def bounds(
     only when needed, such as excursion control, can have a smaller error if an input is large
     only briefly. Friction, heat and the travel due to gravity are neglected.
 
-    With three coils these are the errors of a vector: the root of the power of its error over
-    that of the desired one. The filters know the components' spectra and cross-spectra. The costs
-    are equal for all coils, and just high enough for each coil to stay within its limits.
+    With three coils these are the errors of a vector: the square root of the error's power over
+    the power of the desired vector. The filters know the components' spectra and cross-spectra.
+    The costs are equal for all coils, and just high enough for each coil to stay within its
+    limits.
 
     Parameters
     ----------
@@ -176,7 +179,7 @@ def least_cost(costs: Sequence[float], keeps: Callable[[float], bool]) -> float:
 
 
 def faded_in(acceleration: FloatArray, rate: float) -> FloatArray:
-    """Return the moving part of an acceleration, shape (n,) or (n, 3), without an initial jump."""
+    """Return an acceleration, shape (n,) or (n, 3), without mean and initial jump."""
     fading = np.minimum(np.arange(len(acceleration)) / (FADING_IN * rate), 1.0)
     return np.asarray(((acceleration - acceleration.mean(axis=0)).T * fading).T)
 
@@ -218,7 +221,7 @@ class Tracking:
         return self.best(np.zeros(self.travel.shape)).error
 
     def limited_error(self, acceleration: FloatArray, longest: float, peak_force: float) -> float:
-        """Return the least error, %, with costs for which an input keeps travel and force.
+        """Return the least error, %, with costs that limit travel and force for an input.
 
         Parameters
         ----------
@@ -297,7 +300,7 @@ def _problem(
 
 
 def minimum_phase(grid: Grid, magnitude: FloatArray) -> ComplexArray:
-    """Return the minimum-phase response with a given magnitude, by its cepstrum."""
+    """Return the minimum-phase response with a specified magnitude, computed from its cepstrum."""
     cepstrum = grid.sequence(np.log(magnitude))[: grid.points]
     cepstrum[1:] *= 2.0
     return np.asarray(np.exp(grid.spectrum(cepstrum)))
@@ -314,7 +317,8 @@ def _tool_factor(acceleration: FloatArray, rate: float) -> tuple[Grid, ComplexAr
     segment = min(len(acceleration), round(SEGMENT_SECONDS * grid.rate))
     x, y = acceleration.T[:, np.newaxis], acceleration.T[np.newaxis, :]
     lines, cross = signal.csd(y, x, grid.rate, nperseg=segment)
-    # At least the noise of the tool's accelerometer. The mean was removed: no line at 0 Hz.
+    # The power is at least the noise of the tool's accelerometer. There is no line at 0 Hz, as the
+    # mean was removed.
     powers, vectors = np.linalg.eigh(np.moveaxis(cross[..., 1:], -1, 0))
     powers = np.maximum(powers, SENSOR_DENSITY**2)
     cross = np.moveaxis((vectors * powers[:, np.newaxis]) @ vectors.conj().swapaxes(1, 2), 0, -1)
@@ -326,10 +330,10 @@ def _tool_factor(acceleration: FloatArray, rate: float) -> tuple[Grid, ComplexAr
 
 
 def _right_factor(grid: Grid, spectrum: ComplexArray) -> ComplexArray:
-    """Return the causal F with a causal inverse for which F^H F is a given spectrum.
+    """Return the causal F with a causal inverse for which F^H F equals a spectrum.
 
-    A diagonal factor with the given powers makes most of it (by the cepstrum); Wilson's iteration
-    finds the rest (SIAM J. Appl. Math. 23, 1972).
+    A diagonal factor with the spectrum's powers is the first approximation (by the cepstrum);
+    Wilson's iteration finds the rest (SIAM J. Appl. Math. 23, 1972).
     """
     count = len(spectrum)
     own = np.array([minimum_phase(grid, np.sqrt(spectrum[j, j].real)) for j in range(count)])
@@ -349,7 +353,7 @@ def _right_factor(grid: Grid, spectrum: ComplexArray) -> ComplexArray:
 
 
 def _causal(grid: Grid, spectrum: ComplexArray, first: float = 1.0) -> ComplexArray:
-    """Return the part of a spectrum from time zero on, with a factor of the value at zero."""
+    """Return the causal part of a spectrum, with a factor for the value at time zero."""
 
     def part(each: ComplexArray) -> ComplexArray:
         sequence = grid.sequence(each)

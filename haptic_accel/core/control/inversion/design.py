@@ -23,8 +23,8 @@ from haptic_accel.core.sampling import HIGHEST_LATENCY
 # scipy.signal and scipy.linalg are slow to import: only the design of a filter needs them.
 
 EXTENDED_CORNER = 1.0
-"""Corner of the high-pass after the extension, Hz: below all felt vibration, above drift and
-tilt."""
+"""Corner of the high-pass after the extension, Hz: below all perceptible vibration, above drift
+and tilt."""
 
 CONVOLUTION_LENGTH = 0.2
 """Length of the convolution, s; twice this length reduces the error by less than 2 %."""
@@ -161,7 +161,7 @@ class InverseFilter:
 
 @dataclass(frozen=True)
 class InverseBank:
-    """Inverses with more and less travel and a common extension.
+    """Inverses with different amounts of travel and a common extension.
 
     Attributes
     ----------
@@ -296,7 +296,7 @@ def caused_motion(plant: Plant, rate: float, taps: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray, shape (k, n)
-        m/s^2; time starts when the force is due, a latency after its cause.
+        m/s^2; time starts when the force is due, one latency after the sample that causes it.
     """
     length = taps.shape[1]
     grid = grid_for(rate, length)
@@ -308,9 +308,9 @@ def design_basis(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> FloatA
     """Design the inverse for all grips of one actuator at once.
 
     1/H is linear in m_h, b_u and k_u (`inverse_terms`). The least-squares solution is linear in
-    its target if the weights are those of the given plant. The rest of the chain (hold, delay,
-    mount, low-pass, aliases) is the ratio P/H of the given plant. The result equals that of
-    `design_inverse` for this plant, and is close for similar plants.
+    its target if the weights are those of `plant`. The rest of the chain (hold, delay, mount,
+    low-pass, aliases) is the ratio P/H of `plant`. The result equals that of `design_inverse` for
+    this plant, and is close to it for similar plants.
 
     Parameters
     ----------
@@ -366,7 +366,7 @@ def extended_response(
 
 
 class NormalEquations:
-    """Spectra of the normal equations of `design_inverse` at given frequencies.
+    """Spectra of the normal equations of `design_inverse` at specified frequencies.
 
     Parameters
     ----------
@@ -396,7 +396,7 @@ class NormalEquations:
         response: ComplexArray,
         target: ComplexArray | float = 1.0,
     ) -> ComplexArray:
-        """Return tracking and force, travel, and the costs of the taps.
+        """Return the spectra of tracking and force, of travel, and of the right-hand side.
 
         Parameters
         ----------
@@ -413,7 +413,7 @@ class NormalEquations:
         -------
         ndarray, shape (3, n)
             The matrix is built from the first sequence plus the cost of travel times the second;
-            the right side from the third.
+            the right-hand side from the third.
         """
         force = FORCE_COST**2 * (driven + unexpected)
         cross = driven * response.conj() * self._target_response * target

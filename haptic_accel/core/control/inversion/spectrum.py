@@ -41,7 +41,7 @@ class TexturePrior(Checked):
     gives smaller errors on textures within it, and larger errors elsewhere.
     """
 
-    # The surface is not known.
+    # Assumed, as the surface is not known.
     rise: float = parameter(
         20.0, "lower corner of the expected texture spectrum", "Hz", 1.0, 1000.0
     )
