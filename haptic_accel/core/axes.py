@@ -22,8 +22,9 @@ VIBRATION = "vibration"
 """First part of the names of a learning set's samples, in m/s^2; axis and number follow."""
 
 HIGHEST_CONDITION = 10.0
-"""Largest condition number of the directions of coils or of a sensor's axes: beyond, a force along
-one axis needs ten times the force of another, and sensor noise is amplified as much (assumed)."""
+"""Maximum condition number of the directions of coils or of a sensor's axes: above it, a force
+along one axis needs ten times the force of another, and sensor noise is amplified as much
+(assumed)."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class Axes:
 
     @cached_property
     def indices(self) -> tuple[int, ...]:
-        """Positions of the axes in a vector."""
+        """Indices of the axes in a vector."""
         return tuple(map(NAMES.index, self.names))
 
     def components(self, vector: Vector) -> list[float]:
@@ -67,7 +68,7 @@ class Axes:
         return [vector[index] for index in self.indices]
 
     def vector(self, components: Sequence[float]) -> Vector:
-        """Return the vector with the given components along the axes."""
+        """Return the vector with components along the axes; the others are zero."""
         values = [0.0, 0.0, 0.0]
         for index, value in zip(self.indices, components, strict=True):
             values[index] = value
@@ -75,17 +76,17 @@ class Axes:
         return x, y, z
 
     def sample_names(self, size: int) -> list[str]:
-        """Return the names of a window's samples in learning sets, the oldest of an axis first."""
+        """Return the names of a window's samples in learning sets, axis by axis, oldest first."""
         return [f"{VIBRATION}.{axis}.{sample}" for axis in self.names for sample in range(size)]
 
     @classmethod
     def parsed(cls, text: str) -> Axes:
-        """Return the axes given by a text such as "x, y, z".
+        """Return the axes that a text such as "x, y, z" specifies.
 
         Raises
         ------
         ParameterError
-            The text names no axes.
+            The text contains no axes.
         """
         return cls(tuple(filter(None, text.replace(",", " ").split())))
 
@@ -97,7 +98,7 @@ ALL_AXES = Axes(NAMES)
 """Axes of a handle with three coils."""
 
 ACTUATOR_AXIS = NAMES.index("z")
-"""Position of the axis of a single coil in a vector."""
+"""Index of the axis of a single coil in a vector."""
 
 
 def along_actuator(value: float) -> Vector:
@@ -111,7 +112,7 @@ def read_numbers(name: str, text: str, count: int) -> list[float]:
     Raises
     ------
     ParameterError
-        The text holds something else, or another count of numbers.
+        The text contains something else, or another number of values.
 
     Examples
     --------
@@ -135,7 +136,7 @@ class Mounting:
     directions : array_like, shape (3, 3)
         Direction of each coil or axis in a row; lengths do not matter.
     name : str
-        Name of the parameter, for the error.
+        Name of the parameter, for the error message.
 
     Raises
     ------
@@ -165,16 +166,16 @@ class Mounting:
         self._to_handle, self._to_coils = inverse.tolist(), inverse.T.tolist()
 
     def acceleration(self, measured: Vector) -> Vector:
-        """Return the acceleration whose components along the axes of a sensor were measured."""
+        """Return the acceleration for the components measured along the axes of a sensor."""
         return product(self._to_handle, *measured)
 
     def coil_forces(self, force: Vector) -> Vector:
-        """Return the forces of the coils whose sum is a force."""
+        """Return the forces of the coils whose vector sum is a force."""
         return product(self._to_coils, *force)
 
 
 def read_mounting(name: str, text: str, axes: Axes) -> Mounting | None:
-    """Return the mounting given by nine numbers, such as "1 0 0, 0 1 0, 0 0 1".
+    """Return the mounting that nine numbers specify, such as "1 0 0, 0 1 0, 0 0 1".
 
     Returns
     -------
@@ -184,7 +185,7 @@ def read_mounting(name: str, text: str, axes: Axes) -> Mounting | None:
     Raises
     ------
     ParameterError
-        The text does not hold nine finite numbers, or the directions cannot be inverted.
+        The text does not contain nine finite numbers, or the directions cannot be inverted.
     """
     if not text or axes != ALL_AXES:
         return None

@@ -134,7 +134,7 @@ def read_text(path: str | os.PathLike[str], encoding: str = "utf-8") -> str:
     OSError
         As for `opened`.
     UnicodeDecodeError
-        The file is no text.
+        The file is not text.
     """
     return read_bytes(path).decode(encoding)
 
@@ -147,7 +147,7 @@ def read_json(path: Path) -> Any:
     OSError
         As for `opened`.
     ValueError
-        The file is no JSON, is nested deeper than `DEEPEST` levels, or has too many values.
+        The file is not JSON, is nested deeper than `DEEPEST` levels, or has too many values.
     """
     try:
         content = json.loads(read_text(path, "utf-8-sig"))
@@ -174,7 +174,7 @@ def read_xml(path: Path) -> ElementTree.Element:
     OSError
         As for `opened`.
     ValueError
-        The file is no XML, has a document type, or is nested deeper than `DEEPEST` levels.
+        The file is not XML, has a document type, or is nested deeper than `DEEPEST` levels.
     """
     parser = ElementTree.XMLParser(target=_Elements())
     content = memoryview(read_bytes(path))

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Run libraries without limits in a process with limited time and memory."""
+"""Execution of code without limits of its own, in a process with limited time and memory."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from haptic_accel.core.process import DONE, WRONG_ARGUMENTS, module_command, sig
 MEGABYTE = 10**6
 
 GRACE_TIME, SLOWNESS = 10.0, 2.0
-"""Maximum time for the start and the waiting of a process, s. Factor of processor time on a busy
-machine, which leaves it half a core."""
+"""Maximum time for the start and the waiting of a process, s; and ratio of elapsed time to
+processor time on a busy computer that leaves the process half a core."""
 
 _ENDED = tuple(-number for number in signals("SIGXCPU", "SIGKILL", "SIGALRM"))
 """Exit statuses of a process that exceeded its time."""
@@ -52,7 +52,7 @@ def run_bounded(module: str, words: Sequence[str], seconds: float) -> None:
     ----------
     module : str
     words : sequence of str
-        Command line of the module.
+        Command-line arguments of the module.
     seconds : float
         Maximum processor time, s, as declared by the module.
 
@@ -98,7 +98,7 @@ def bounded(work: Callable[[], None], seconds: float, megabytes: float) -> None:
     megabytes : float
         Maximum memory in addition to that already in use, megabytes.
     """
-    # Without limits nothing is read: on Windows the module is absent.
+    # Imported only if limits are set, as the module is absent on Windows.
     import resource
 
     used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])

@@ -3,10 +3,11 @@
 
 """Bundles of samples of several signals, for receivers that tolerate a delay.
 
-A bundle is a std_msgs/UInt8MultiArray in plain little-endian CDR. Its data are `_MARK`, the length
-of a list of topics (2 bytes), their names with a line feed between them, and for each sample, in
-order of sending, 80 bytes: system time of sending in ns (8), index of the topic (8), stamp as in a
-message (8), and seven doubles, vector and orientation. The receiver makes the messages.
+A bundle is a std_msgs/UInt8MultiArray in plain little-endian CDR. Its data are `_MARK`, the
+length of a list of topics (2 bytes), their names with a line feed between them, and for each
+sample, in order of sending, 80 bytes: system time of sending in ns (8), index of the topic (8),
+stamp as in a message (8), and seven doubles, vector and orientation. The receiver creates the
+messages.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ class Bundle:
         return self._topics.index(topic)
 
     def put(self, time: int, index: int, stamp: int, *values: float) -> bool:
-        """Add a sample: system times in ns, vector and orientation; return whether it is full."""
+        """Add a sample: system times in ns, vector and orientation; return True if it is full."""
         self._samples += _SAMPLE.pack(time, index, *divmod(stamp, NANOSECONDS), *values)
         return len(self._samples) > LARGEST_BUNDLE
 
@@ -91,7 +92,7 @@ def unpack_bundle(data: bytes) -> list[Entry]:
     Raises
     ------
     ValueError
-        The data are no complete bundle; then all of its samples are rejected.
+        The data are not a complete bundle; all of its samples are then rejected.
     """
     if len(data) < _BEFORE.size + len(_MARK) + _LENGTH.size:
         raise ValueError("too short")
@@ -121,7 +122,7 @@ def unpack_bundle(data: bytes) -> list[Entry]:
 def believed(time: int, received: int) -> int:
     """Return the corrected time of a sample in a bundle; both arguments are system times in ns.
 
-    The result is before the reception, by at most `OLDEST`, whatever the sender's clock shows.
+    The result is before the reception, by at most `OLDEST`, regardless of the sender's clock.
     Samples of one sender stay in order.
     """
     return min(max(time, received - round(OLDEST * NANOSECONDS)), received)
@@ -139,7 +140,7 @@ class BothWays:
         self._until = -math.inf
 
     def repeats(self, message: bytes, *, bundled: bool, now: float) -> bool:
-        """Return whether a message, received at a monotonic time in s, is a duplicate."""
+        """Return True if a message, received at a monotonic time in s, is a duplicate."""
         if now >= self._until or sum(map(len, self._generations[1])) > MOST_REMEMBERED:
             self._generations = self._generations[1], self._new()
             self._until = now + DUPLICATE_MEMORY

@@ -133,7 +133,7 @@ def _append_text(data: bytearray, text: str) -> None:
 def _unpacked(
     layouts: Mapping[int, struct.Struct], data: bytes, behind: int = 0
 ) -> tuple[int, Any]:
-    """Return the stamp of a message and numbers that begin some bytes behind its first vector."""
+    """Return the stamp of a message and the numbers at an offset after its first vector."""
     try:
         order = data[1]
         sec, nanosec, frame_length = _HEADERS[order].unpack_from(data, _ORIGIN)
@@ -151,7 +151,7 @@ def unpack_stamped_vector(data: bytes) -> tuple[int, Vector]:
     Raises
     ------
     ValueError
-        The message is no header with three doubles in plain CDR.
+        The message is not a header with three doubles in plain CDR.
     """
     # The usual message passes without a check, as ten of them arrive per millisecond.
     return _unpacked(_VECTORS, data)
@@ -163,7 +163,7 @@ def unpack_orientation(data: bytes) -> tuple[float, ...]:
     Raises
     ------
     ValueError
-        The message is no pose in plain CDR.
+        The message is not a pose in plain CDR.
     """
     orientation: tuple[float, ...] = _unpacked(_QUATERNIONS, data, _VECTOR_SIZE)[1]
     return orientation
@@ -175,7 +175,7 @@ def unpack_state(data: bytes) -> bool:
     Raises
     ------
     ValueError
-        The message is no byte in plain CDR.
+        The message is not a byte in plain CDR.
     """
     if len(data) <= _ORIGIN:
         raise ValueError("too short")
@@ -190,7 +190,7 @@ def unpack_text(data: bytes, offset: int) -> str:
     Raises
     ------
     ValueError
-        The bytes are no text in plain CDR.
+        The bytes are not a text in plain CDR.
     """
     if len(data) < offset + _LENGTH.size:
         raise ValueError("too short")

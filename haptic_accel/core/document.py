@@ -75,7 +75,7 @@ def load_yaml(text: str, *, exponents: bool = False) -> Any:
     Raises
     ------
     ValueError
-        The text is no YAML, is too large or too deep, or has aliases, which may expand to any
+        The text is not YAML, is too large or too deep, or has aliases, which may expand to any
         amount of data; the message is one line.
     """
     if len(text) > bounded_files.LARGEST_TEXT:
@@ -86,7 +86,7 @@ def load_yaml(text: str, *, exponents: bool = False) -> Any:
         _check(text)
         return yaml.load(text, _ExponentLoader if exponents else _Loader)
     except (yaml.YAMLError, LookupError, TypeError, AttributeError, OverflowError) as error:
-        # Errors of its constructors, for example for `!!binary ä`, are not documented.
+        # Errors of YAML's constructors, for example for `!!binary ä`, are not documented.
         raise ValueError(parameters.one_line(error)) from None
 
 
@@ -96,7 +96,7 @@ def texts_of(content: Any) -> dict[str, str]:
     Raises
     ------
     ValueError
-        The content is no such mapping.
+        The content is not such a mapping.
     """
     rows = dict(content or {}).items()
     if any(isinstance(part, (dict, list, set, tuple, bytes)) for row in rows for part in row):
@@ -119,7 +119,7 @@ def _check(text: str) -> None:
 
 
 def lines_of(text: str) -> dict[tuple[str, ...], int]:
-    r"""Return the line of each value in a YAML text for `load_yaml`, from 1, by its keys.
+    r"""Return the line of each value in a YAML text for `load_yaml`, counted from 1, by its keys.
 
     Examples
     --------

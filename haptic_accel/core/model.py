@@ -32,7 +32,7 @@ def vector(values: FloatArray) -> Vector:
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 Quaternion = tuple[float, float, float, float]
-"""x, y, z, w of a rotation from turned axes to those of the base, as in ROS."""
+"""Components x, y, z, w of the rotation from rotated axes to those of the base, as in ROS."""
 
 IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
 """Rotation of axes that are parallel to those of the base."""
@@ -73,7 +73,7 @@ class HandleParameters(Suspension):
 
 @dataclass(frozen=True)
 class RationalModel:
-    """Transfer function in s, given by numerator and denominator polynomials.
+    """Transfer function in s, defined by numerator and denominator polynomials.
 
     Attributes
     ----------
@@ -252,7 +252,7 @@ class ModeParameters(Checked):
 
     The accelerometer measures the share of the mode plus the rest of the mount: 1 in series with
     the mount is a fourth-order low-pass; a share in parallel is a sum of two modes with an
-    antiresonance, or a resonance beside an antiresonance where the mount is rigid.
+    antiresonance, or a resonance next to an antiresonance if the mount is rigid.
     """
 
     frequency: float = parameter(0.0, "resonance of a second mode; 0 for none", "Hz", 0, 2000.0)

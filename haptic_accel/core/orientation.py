@@ -1,12 +1,12 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Orientation of a tool or handle: vibration felt in the direction in which the tool has it.
+"""Orientation of tool and handle, so that vibration has the same direction at both.
 
-A tool's acceleration is turned from the tool's axes into those of its base, and from the base of
-the handle into the handle's axes. Positions are coupled along the axes of both bases, so that a
-direction is the same in both. CRTK's `measured_cp` gives the orientation of tool or handle in its
-base.
+A tool's acceleration is rotated from the tool's axes to those of its base, and from the base of
+the handle to the handle's axes. Positions are coupled along the axes of both bases, so that a
+direction is the same in both. CRTK's `measured_cp` contains the orientation of tool or handle
+relative to its base.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from collections.abc import Sequence
 from haptic_accel.core.model import IDENTITY, Quaternion, Vector
 
 UNIT_ERROR = 0.01
-"""Largest deviation of a quaternion's length from 1: far above rounding, also of float32, and far
-below an unset quaternion."""
+"""Maximum deviation of a quaternion's length from 1: far above rounding errors, also of float32,
+and far below the deviation of an unset quaternion."""
 
 
 def unit_quaternion(values: Sequence[float]) -> Quaternion | None:
-    """Return a quaternion of unit length; None for values that are no rotation.
+    """Return a quaternion of unit length; None for values that are not a rotation.
 
     Examples
     --------
@@ -38,7 +38,7 @@ def unit_quaternion(values: Sequence[float]) -> Quaternion | None:
 
 
 def to_base(orientation: Quaternion, vector: Vector) -> Vector:
-    """Return a vector of turned axes in those of the base.
+    """Convert a vector from rotated axes to those of the base.
 
     Examples
     --------
@@ -60,16 +60,16 @@ def to_base(orientation: Quaternion, vector: Vector) -> Vector:
 
 
 def from_base(orientation: Quaternion, vector: Vector) -> Vector:
-    """Return a vector of the base's axes in turned ones, the inverse of `to_base`."""
+    """Convert a vector from the base's axes to rotated axes, the inverse of `to_base`."""
     x, y, z, w = orientation
     return to_base((-x, -y, -z, w), vector)
 
 
 def is_turned(orientation: Quaternion, acceleration: Vector) -> bool:
-    """Return whether a vibration has to be turned.
+    """Return True if a vibration has to be rotated.
 
-    A sensor with one axis has no direction: the others are zero, and its vibration is felt along
-    the coil whatever the orientation.
+    A single-axis sensor has no direction: its other components are zero, and its vibration is
+    reproduced along the coil, regardless of the orientation.
 
     Examples
     --------
@@ -82,16 +82,16 @@ def is_turned(orientation: Quaternion, acceleration: Vector) -> bool:
 
 
 class Orientation:
-    """Newest orientation of a tool or handle, from values that may be no rotation.
+    """Newest orientation of a tool or handle, from values that may not be a rotation.
 
-    The last valid orientation is kept, as another would turn the vibration at once. Before the
-    first one, the axes are those of the base.
+    The last valid orientation is kept, as a change to another one would suddenly rotate the
+    vibration. Before the first one, the axes are those of the base.
 
     Attributes
     ----------
     newest : tuple of float
     problem : str
-        One-line warning while the values are no rotation; empty otherwise.
+        One-line warning while the values are not a rotation; empty otherwise.
 
     Examples
     --------

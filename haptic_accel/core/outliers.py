@@ -4,26 +4,26 @@
 """Outliers in recorded signals: single false samples, and codes at which a sensor is stuck.
 
 The rule is a Hampel identifier (Hampel, J. Am. Stat. Assoc. 69(346), 1974; Pearson, Neuvo, Astola
-and Gabbouj, EURASIP J. Adv. Signal Process. 2016:87), restricted to what a mechanical signal
-cannot do: leave its surroundings between two samples, stay there at one value, and be back in the
-next sample. Impacts ring, scratches and bumps have neighbours of their size, and after a step the
-signal stays.
+and Gabbouj, EURASIP J. Adv. Signal Process. 2016:87), restricted to events that are impossible in
+a mechanical signal: it leaves the range of its neighbours within one sample, stays at one value,
+and returns within one sample. Impacts ring, scratches and bumps have neighbours of similar size,
+and after a step the signal does not return.
 
 A run of up to `LONGEST_OUTLIER` equal samples is an outlier if its deviation from the median of
 the `AROUND` samples on either side exceeds
 
-1. `THRESHOLD` times their scaled median absolute deviation (Hampel's rule), and the resolution of
-   the signal as many times,
-2. `RATIO` times the deviation of all of them but the `COMPANIONS` most distant, and
+1. `THRESHOLD` times their scaled median absolute deviation (Hampel's rule), and `THRESHOLD`
+   times the resolution of the signal,
+2. `RATIO` times the deviation of these samples without the `COMPANIONS` most distant ones, and
 3. `RATIO` times half the range of the `NEAR` samples on either side, from its middle.
 
-At either end of a recording nothing tells an outlier from the begin of an impact. A run with fewer
-than `NEAR` samples beyond it is an outlier if it deviates from the median of the recording
-`RATIO` times as much as any sample that is not an outlier.
+At the ends of a recording, an outlier cannot be distinguished from the start of an impact. A run
+with fewer than `NEAR` samples beyond it is an outlier if its deviation from the median of the
+recording is `RATIO` times that of any sample that is not an outlier.
 
-What the rule cannot tell: an impact shorter than three samples that does not ring looks like a
-glitch, and a glitch below `RATIO` times the peaks around it is left. White noise with heavy tails
-loses some samples, of Laplace's distribution 1 in 20,000.
+Limits of the rule: an impact shorter than three samples that does not ring looks like a glitch,
+and a glitch below `RATIO` times the peaks around it is not found. White noise with heavy tails
+loses some samples; with a Laplace distribution, 1 in 20,000.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ LONGEST_OUTLIER = 8
 """Maximum number of equal samples in an outlier; a sensor that sticks for longer is defective."""
 
 AROUND = 16
-"""Number of samples on either side that an outlier is compared with."""
+"""Number of samples on either side with which an outlier is compared."""
 
 NEAR = 3
 """Number of samples on either side that must all be ordinary. The ringing of an impact crosses
@@ -143,8 +143,8 @@ def without_outliers(name: str, samples: FloatArray) -> tuple[FloatArray, int]:
 
 
 def _departures(samples: FloatArray, begins: IntArray, ends: IntArray) -> IntArray:
-    """Return begin and end of the runs that are outliers, shape (m, 2)."""
-    low = samples[: -NEAR + 1].copy()  # of the next NEAR samples, as the highest
+    """Return start and end of the runs that are outliers, shape (m, 2)."""
+    low = samples[: -NEAR + 1].copy()  # minimum of the next NEAR samples, like `high`
     high = low.copy()
     for ahead in range(1, NEAR):
         shifted = samples[ahead : len(low) + ahead]
@@ -179,7 +179,7 @@ def _resolution(samples: FloatArray, begins: IntArray, ends: IntArray) -> float:
 
 
 def _judge_ends(samples: FloatArray, begins: IntArray, ends: IntArray, found: BoolArray) -> None:
-    """Mark outliers at the ends of a recording, given all others."""
+    """Mark outliers at the ends of a recording, once all others are known."""
     outer = np.zeros(len(samples), dtype=bool)
     for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
         outer[begin:end] = True

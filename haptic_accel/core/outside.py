@@ -1,9 +1,10 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Entry points by which other installed packages add verbs, executables, devices and controllers.
+"""Entry points for commands, executables, devices and controllers of other packages.
 
-All code of other packages is loaded in here, so that a broken one costs only what it adds.
+All code of other packages is loaded here, so that a defective package affects only its own
+additions.
 """
 
 from __future__ import annotations
@@ -26,30 +27,31 @@ from haptic_accel.core.parameters import (
 )
 
 OWN = "haptic_accel"
-"""Name of this package, whose own names no other package can take."""
+"""Name of this package, whose own names other packages cannot use."""
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
-"""Form of a name; that of a device or controller is part of the names of ROS parameters."""
+"""Form of a name; the names of devices and controllers are part of ROS parameter names."""
 
 T = TypeVar("T")
 
 
 class OutsideError(ParameterError):
-    """Failure of another package's code, or of its choice; the text has one line."""
+    """Failure of another package's code, or of its selection; the message is one line."""
 
 
 @contextmanager
 def guard(origin: str = "", passing: tuple[type[Exception], ...] = ()) -> Iterator[None]:
-    """Turn whatever the code of another package raises, even `SystemExit`, into an `OutsideError`.
+    """Convert any exception of another package's code, even `SystemExit`, to an `OutsideError`.
 
-    Ctrl-C passes.
+    `KeyboardInterrupt` is not converted.
 
     Parameters
     ----------
     origin : str
-        Module of the code, for the text. Errors of this package's own modules pass.
+        Module of the code, for the message. Exceptions of this package's own modules are not
+        converted.
     passing : tuple of type
-        Errors that the code may raise, which pass.
+        Exceptions of the code that are not converted.
     """
     try:
         yield
@@ -64,20 +66,20 @@ def _reason(error: BaseException) -> str:
     kind = type(error).__name__
     try:
         return printable(f"{kind}: {one_line(error)}")
-    except BaseException:  # the text is made by foreign code, too
+    except BaseException:  # the text also comes from foreign code
         return kind
 
 
 def declared(group: str, taken: Collection[str] = ()) -> dict[str, EntryPoint]:
     """Return the entry points of a group by name: this package's, then those of others.
 
-    An unusable or duplicate name is left out with a warning.
+    An unusable or duplicate name is omitted with a warning.
 
     Parameters
     ----------
     group : str
     taken : collection of str
-        Names that have a meaning already.
+        Names that already have a meaning.
     """
     found: dict[str, EntryPoint] = {}
     for entry in sorted(_entries(group), key=lambda each: (_package(each.dist) != OWN, each.name)):
@@ -94,7 +96,7 @@ def declared(group: str, taken: Collection[str] = ()) -> dict[str, EntryPoint]:
 
 
 def _entries(group: str) -> Iterator[EntryPoint]:
-    """Yield the entry points of a group; of a package that is found twice, the first one's."""
+    """Yield the entry points of a group; for a package that is found twice, those of the first."""
     packages: set[str] = set()
     for package in distributions():
         try:
@@ -110,7 +112,7 @@ def _entries(group: str) -> Iterator[EntryPoint]:
 
 
 def _package(package: Distribution | None) -> str:
-    """Return the name of a package as Python writes it."""
+    """Return the name of a package as it is written in Python."""
     try:
         with guard():
             return printable(re.sub(r"[-_.]+", "_", package.name).lower()) if package else ""
@@ -125,12 +127,12 @@ def load(entry: EntryPoint, problem: Callable[[Any], str]) -> Any:
     ----------
     entry : EntryPoint
     problem : callable
-        Returns the reason to refuse an object; empty if there is none.
+        Returns the reason to reject an object; empty if there is none.
 
     Raises
     ------
     OutsideError
-        The object cannot be loaded, or is refused; the text names the package.
+        The object cannot be loaded, or is rejected; the message contains the package.
     """
     package = f"package {_package(entry.dist)}"
     try:
@@ -150,7 +152,8 @@ def main_of(module: str) -> Callable[[], None]:
     Raises
     ------
     OutsideError
-        The module is missing, or another package's that cannot be imported or has none.
+        The module is missing, or belongs to another package and cannot be imported or lacks
+        `main`.
     """
     if not module:
         raise OutsideError("no such executable, or its package is not installed")
@@ -169,7 +172,7 @@ def with_outside(
     """Return classes by name: this package's, then the other packages' in a group.
 
     A class that cannot be loaded is replaced by one that raises the reason, an `OutsideError`,
-    when built, so that all others work.
+    when it is instantiated, so that all others work.
 
     Parameters
     ----------
@@ -178,11 +181,11 @@ def with_outside(
     group : str
         Group of entry points.
     base : type
-        Class that each one derives from.
+        Base class of each class.
     problem : callable
-        Returns the reason to refuse a class, given the classes before it; empty if there is none.
+        Returns the reason to reject a class, for the classes before it; empty if there is none.
     reserved : collection of str
-        Names that no class may have, as they have another meaning.
+        Names that classes must not have, as they have another meaning.
     """
     found = dict(own)
 
@@ -202,19 +205,19 @@ def with_outside(
 
 
 def parameters_problem(parameters: Any) -> str:
-    """Return the reason to refuse a class of parameters; empty if there is none."""
+    """Return the reason to reject a class of parameters; empty if there is none."""
     if not (isinstance(parameters, type) and issubclass(parameters, Checked)):
         return "Parameters must be a Checked dataclass"
     try:
         schema(parameters)
         parameters()
-    except Exception as error:  # a field of a type that no parameter has, or without a default
+    except Exception as error:  # a field of an unsupported type, or without a default
         return f"Parameters: {one_line(error)}"
     return ""
 
 
 def _unusable(base: Any, reason: OutsideError) -> Any:
-    """Return a class that raises a reason when built."""
+    """Return a class that raises a reason when it is instantiated."""
 
     def refuse(*_: Any, **__: Any) -> None:
         raise reason
@@ -238,9 +241,9 @@ def node_module(executable: str) -> str:
     """
     own = f"haptic_accel.nodes.{executable}"
     if find_spec(own):
-        declared(NODES_GROUP, [executable])  # says which package tries to take the name
+        declared(NODES_GROUP, [executable])  # warns of packages that use this name
         return own
-    with guard(), suppress(ModuleNotFoundError):  # a folder may have been taken away
+    with guard(), suppress(ModuleNotFoundError):  # a folder may have been removed
         entry = declared(NODES_GROUP).get(executable)
         if entry and find_spec(entry.value):
             return entry.value

@@ -4,8 +4,8 @@
 """Parameters with unit and range, and checks with one-line error messages.
 
 Numbers in files and on command lines are plain ASCII decimals: Python's `float` and `int` also
-accept digits of other scripts, underscores, ``nan`` and ``inf``. In JSON, null is for undefined
-numbers.
+accept digits of other scripts, underscores, ``nan`` and ``inf``. In JSON, null stands for
+undefined numbers.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _SPECIFICATION = "parameter"
 
 
 class ParameterError(ValueError):
-    """Error: a value given by the user is not allowed; the message is one printable line."""
+    """Error: a value from the user is not allowed; the message is one printable line."""
 
     def __init__(self, message: str) -> None:
         # Names may come from files or the command line.
@@ -106,9 +106,10 @@ class Specification:
     sets : tuple of str
         Node parameters that an argument of the graph sets, each as ``node.parameter``.
     yields : bool
-        True for an argument that sets nothing at its default, so that a file may.
+        True for an argument that sets nothing while it has its default, so that a file can set the
+        value.
     path : bool
-        True for the name of a file or folder, which nodes are given as an absolute path.
+        True for the name of a file or folder, which nodes receive as an absolute path.
     """
 
     text: str
@@ -204,7 +205,7 @@ def checked(name: str, value: Any, default: Any, specification: Specification) -
 
 
 def allowed_values(default: Any, specification: Specification) -> str:
-    """Return a description of a parameter's allowed values; the default gives its type."""
+    """Return a description of a parameter's allowed values; the default determines its type."""
     if isinstance(default, bool):
         return "true or false"
     if isinstance(default, str):
@@ -252,7 +253,7 @@ def _collected(parameters: type) -> Mapping[str, tuple[Any, Specification]]:
 def schema(parameters: type, prefix: str = "") -> Schema:
     """Return all parameters of a dataclass, including nested ones, by dotted name.
 
-    A parameter of a block has the prefix of the block, whatever the given prefix.
+    A parameter of a block has the prefix of the block, regardless of `prefix`.
 
     Parameters
     ----------
@@ -293,7 +294,7 @@ def from_flat(parameters: type[T], values: Mapping[str, Any], prefix: str = "") 
     Raises
     ------
     ParameterError
-        A value is not allowed; the message gives its dotted name.
+        A value is not allowed; the message contains its dotted name.
     """
     fields: dict[str, Any] = {}
     names: dict[str, str] = {}
@@ -319,7 +320,7 @@ def _nested(field: dataclasses.Field[Any]) -> type:
 
 @cache
 def warn_once(line: str) -> None:
-    """Log a warning once, however often its cause is read."""
+    """Log a warning once, however often its cause occurs."""
     logging.getLogger(__name__).warning("%s", line)
 
 

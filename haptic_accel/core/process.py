@@ -32,18 +32,18 @@ bag, an intact terminal, and no force."""
 
 EMERGENCY: signal.Signals = getattr(signal, "SIGUSR1", signal.SIGTERM)
 """Signal on which a node sets all forces to zero and publishes the emergency stop. Systems without
-it run no graph."""
+it cannot run a graph."""
 
 SUPERVISOR = "HAPTIC_ACCEL_SUPERVISOR"
 """Environment variable with the id of the process that started a node."""
 
 ENGAGED, OVER, RECORDED, REPEAT = "engaged", "over", "recorded", "repeat"
-"""Events of a graph: the arms are coupled; its duration is over; a bag is whole, with its `path`;
-a repeat of an excitation begins, with the number of repeats `done`."""
+"""Events of a graph: the arms are coupled; its duration is over; a bag is complete, with its
+`path`; a repeat of an excitation starts, with the number of repeats `done`."""
 
 PROGRESS, FULL_SCALE = "progress", "full_scale"
-"""Events of a verb: its next stage, with `text`; the force at a sound card's full scale, `value`,
-N per kg of the handle's mass."""
+"""Events of a command: its next stage, with `text`; the force at a sound card's full scale,
+`value`, in N per kg of the handle's mass."""
 
 UNUSABLE, TOO_STRONG = "unusable", "too_strong"
 """Events of an identification: a recording that cannot be evaluated, and an excitation that is too
@@ -56,15 +56,16 @@ _RECORD = "\x1e"
 def tell_supervisor(event: str, **values: Any) -> None:
     """Print an event for the supervisor of this process; do nothing without one."""
     if SUPERVISOR in os.environ:
-        import json  # late: an emergency stop starts without it
+        import json  # imported here, so that an emergency stop starts without it
 
-        # With its end in one piece: a line of another thread's log must not come between.
+        # Record and line end are written at once, so that the log of another thread cannot come
+        # between.
         record = json.dumps({"event": event, **values})
         print(f"{_RECORD}{record}\n", end="", flush=True)
 
 
 def read_event(line: str) -> dict[str, Any]:
-    r"""Return the event in a line of output; empty for a line for people.
+    r"""Return the event in a line of output; empty for a line of text.
 
     Examples
     --------
@@ -116,7 +117,7 @@ def module_command(module: str) -> list[str]:
 def report_unraisable(unraisable: sys.UnraisableHookArgs) -> None:
     """Report an exception that nothing can catch, as Python does, unless memory is short.
 
-    The verb itself says that, in one line. To be set as `sys.unraisablehook`.
+    The command itself reports that in one line. Set this function as `sys.unraisablehook`.
     """
     if unraisable.exc_type is not MemoryError:
         sys.__unraisablehook__(unraisable)

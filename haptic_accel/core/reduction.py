@@ -3,8 +3,9 @@
 
 """Reduction of vibration in three axes to one signal for a single actuator.
 
-People tell every such signal from the original in three axes (Lee, Tombak, Park, Kuchenbecker,
-IEEE Transactions on Haptics 15(3), 2022), but keep its strength and spectrum apart.
+People distinguish every such signal from the original in three axes (Lee, Tombak, Park,
+Kuchenbecker, IEEE Transactions on Haptics 15(3), 2022), but judge its strength and its spectrum
+separately.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ def principal(acceleration: FloatArray) -> FloatArray:
 
 
 def magnitude(acceleration: FloatArray) -> FloatArray:
-    """Return the length of the vector, which is never negative: an oscillation has it twice.
+    """Return the length of the vector, never negative: the frequency of an oscillation doubles.
 
     Parameters
     ----------
@@ -113,7 +114,7 @@ Reduction = Callable[[Vector], float]
 """Causal reduction: it is called with each sample in order."""
 
 LEARNING = 2.0
-"""Time in contact in which a principal direction is found, s: hundreds of periods (assumed)."""
+"""Time in contact after which a principal direction is known, s: hundreds of periods (assumed)."""
 
 CONTACT = 0.5
 """Vibration above which a tool counts as in contact, m/s^2: assumed, four times the noise of three
@@ -123,23 +124,23 @@ CORNER = 15.0
 """Frequency below which an acceleration is motion or gravity, Hz: the compensation's high-pass."""
 
 FIRST_TURN, LATER_TURN = math.radians(90.0), math.radians(5.0)
-"""Fastest turn of a principal direction while it is found, and afterwards, rad/s (assumed): no
-direction is further than the first in a second, and the second changes a component by less than a
-tenth in a second."""
+"""Maximum rotation rate of a principal direction while it is being determined, and afterwards,
+rad/s (assumed): the first one reaches any direction within a second; the second one changes a
+component by less than a tenth per second."""
 
 SEARCH = 0.05
-"""Period in which the principal direction is computed, s of contact: not more often, as that takes
-20 us."""
+"""Interval between computations of the principal direction, s of contact; each takes 20 us."""
 
 
 class PrincipalDirection:
-    """Component along the direction of the tool's strongest vibration, which turns slowly.
+    """Component along the direction of the tool's strongest vibration, which rotates slowly.
 
-    The direction begins along the coil. In the first `LEARNING` seconds of contact it turns to
+    The direction starts along the coil. In the first `LEARNING` seconds of contact it rotates to
     the eigenvector of the largest eigenvalue of the vibration's covariance, and then follows it
-    slowly. It takes the nearer of the two opposite directions, and turns by a bounded step in each
-    sample, so that the signal neither jumps nor changes its sign. The less the largest eigenvalue
-    exceeds the next, the slower it turns: a circular vibration has no principal direction.
+    slowly. Of the two opposite directions the nearer one is used, and the rotation in each sample
+    is limited, so that the signal neither jumps nor changes its sign. The less the largest
+    eigenvalue exceeds the next one, the slower is the rotation: a circular vibration has no
+    principal direction.
 
     This is principal component analysis with exponential forgetting. It assumes that the direction
     changes less often than every few seconds, as in strokes over one surface.
@@ -184,7 +185,7 @@ class PrincipalDirection:
         return x * d_x + y * d_y + z * d_z
 
     def _learn(self, acceleration: Vector) -> None:
-        """Add a sample of contact to the covariance, and turn; missing samples have no effect."""
+        """Add a sample of contact to the covariance, and rotate; ignore missing samples."""
         if not math.isfinite(sum(acceleration)):
             return
         x, y, z = acceleration
@@ -212,7 +213,7 @@ class PrincipalDirection:
         self._distinct = float(1.0 - values[1] / values[2])
 
     def _turn(self) -> None:
-        """Turn the direction towards the nearer principal direction by at most a step."""
+        """Rotate the direction towards the nearer principal direction by at most a step."""
         now = np.array(self.direction)
         along = float(now @ self._principal)
         across = self._principal * math.copysign(1.0, along) - now * abs(along)
@@ -249,8 +250,8 @@ def live_reduction(name: str, rate: float) -> Reduction:
 
 
 NO_REDUCTION = "none"
-"""Name for all axes that the handle has: nothing is reduced."""
+"""Name for all axes of the handle, without a reduction."""
 
 LIVE_REDUCTIONS = ("axis", "sum", "principal")
 """Names of causal reductions: component along the coil, sum of the components, component along a
-slowly turning principal direction."""
+slowly rotating principal direction."""

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files and folders that are whole on the disk at all times."""
+"""Files and folders that are complete on disk at all times."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def sync_folder(path: Path) -> None:
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Write a new file to the disk, then replace the present file by it.
+    """Write a new file to disk, then replace the present file by it.
 
     Raises
     ------
@@ -39,10 +39,10 @@ def replace_file(path: Path, content: bytes) -> None:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Yield a temporary folder, which gets its name once everything in it is on the disk.
+    """Yield a temporary folder, which is renamed to `path` once all its content is on disk.
 
-    After an error or an interruption nothing is left; a killed process leaves a hidden folder
-    beside `path`.
+    After an error or an interruption nothing remains; a killed process leaves a hidden folder next
+    to `path`.
 
     Parameters
     ----------
@@ -62,6 +62,6 @@ def whole_folder(path: Path) -> Iterator[Path]:
         for file in (each for each in folder.rglob("*") if each.is_file()):
             with file.open("rb") as written:
                 os.fsync(written.fileno())
-        path.mkdir()  # refuses a folder that somebody has made meanwhile
+        path.mkdir()  # fails if the folder was created meanwhile
         folder.rename(path)
         sync_folder(path.parent)

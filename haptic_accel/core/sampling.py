@@ -73,9 +73,9 @@ def resampled(samples: FloatArray, recording_rate: float, rate: float) -> FloatA
 
 
 def look_ahead(recording_rate: float, rate: float) -> float:
-    """Return the time by which the filter of `resampled` reaches beyond a sample, s.
+    """Return the time by which the filter of `resampled` extends beyond a sample, s.
 
-    Its delay is zero, as it also reaches as far before the sample.
+    Its delay is zero, as it extends as far before the sample.
 
     Examples
     --------
@@ -90,7 +90,7 @@ def look_ahead(recording_rate: float, rate: float) -> float:
 
 
 def _low_pass(steps: int) -> Any:
-    """Return the filter that passes `PASS_BAND` of a band, as a part of `steps` bands."""
+    """Return a low-pass for `PASS_BAND` of the lowest of `steps` equal parts of the band."""
     from scipy import signal
 
     taps, beta = signal.kaiserord(ATTENUATION, (1.0 - PASS_BAND) / steps)
@@ -141,7 +141,7 @@ def crossfaded(samples: FloatArray, rate: float, seconds: float = 0.05) -> Float
 
 
 def _ratio(recording_rate: float, rate: float) -> Fraction:
-    """Return rate / recording_rate as a fraction of moderate terms."""
+    """Return rate / recording_rate as a fraction with limited terms."""
     ratio = Fraction(rate) / Fraction(recording_rate)
     if ratio < 1:
         return 1 / _ratio(rate, recording_rate)
@@ -171,7 +171,7 @@ HIGHEST_LATENCY = 20
 """Maximum latency, samples."""
 
 IDENTIFICATION_LATENCY = 10
-"""Default latency of an identification, samples. A sweep is no closed loop, and can wait long
+"""Default latency of an identification, samples. A sweep is not a closed loop, and can wait long
 enough that no force is late."""
 
 IntArray = npt.NDArray[np.int64]
@@ -194,7 +194,8 @@ SPARSE = 10.0
 """Number of grid points per sample above which stamps count as without a grid."""
 
 RARE = 0.01
-"""Largest share of longer steps that are gaps of a recording, or a clock that was set forward."""
+"""Maximum fraction of longer steps that count as gaps of a recording, or as a clock that was set
+forward."""
 
 LONGEST_STEP = 1.5
 """Step between successive stamps, in periods, above which samples are missing."""
@@ -226,7 +227,7 @@ def half_period(rate: float) -> float:
 
 
 def same_rate(found: float, stated: float) -> bool:
-    """Return whether a measured rate agrees with a stated one within `SAME_RATE`.
+    """Return True if a measured rate agrees with a stated one within `SAME_RATE`.
 
     Examples
     --------
@@ -254,7 +255,7 @@ def sampling_rate(stamps: IntArray, stated: float | None = None) -> float:
     Raises
     ------
     ParameterError
-        There are fewer than two different stamps, or they lie on no grid.
+        There are fewer than two different stamps, or they are not on a grid.
 
     Examples
     --------
@@ -306,7 +307,7 @@ def grid_indices(stamps: IntArray, start: int, rate: float) -> IntArray:
 
 
 def on_grid(where: IntArray, values: FloatArray, length: int) -> tuple[FloatArray, BoolArray]:
-    """Arrange samples on a grid; a missing or impossible one repeats the previous one.
+    """Arrange samples on a grid; a missing or implausible one repeats the previous one.
 
     Parameters
     ----------

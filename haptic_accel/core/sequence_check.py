@@ -6,9 +6,9 @@
 Stamps are system times, and the clock can be set while samples arrive. A single wrong stamp must
 not cause the rejection of later samples.
 
-A message does not name its publisher, so `SolePublisher` finds those that several may have sent. A
-publisher that comes and goes between two looks changes no present number of publishers, so the
-total number counts, too.
+A message does not identify its publisher, so `SolePublisher` detects messages that several
+publishers may have sent. A publisher that comes and goes between two checks does not change the
+present number of publishers, so the total number is checked, too.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class SequenceCheck:
     stale : int
         Number of samples rejected because they were not newer than the last.
     refusal : str
-        Why the newest sample was rejected; empty if it was accepted.
+        Reason why the newest sample was rejected; empty if it was accepted.
     jump : float
         Clock step just before the last accepted sample, s; 0 if there was none.
 
@@ -66,7 +66,7 @@ class SequenceCheck:
         self._last = None
 
     def admits(self, stamp: int, now: int, steady: int) -> bool:
-        """Count a sample; return whether it may be used.
+        """Count a sample; return True if it may be used.
 
         Parameters
         ----------
@@ -87,7 +87,7 @@ class SequenceCheck:
         return True
 
     def _follows(self, advance: int, stamp: int, steady: int) -> bool:
-        """Return whether a sample whose stamp advances by a number of ns is acceptable."""
+        """Return True if a sample whose stamp advances by a number of ns is acceptable."""
         steps = round(advance / self._period)
         jumped = advance - (steady - self._received)
         if steps == 0:
@@ -104,10 +104,9 @@ class SequenceCheck:
 
 
 CONFIRMING_LOOKS = 5
-"""Looks for which nothing is taken after a number that is not above all earlier ones.
-
-Its publisher is either the present one, which has just replaced another, or one that the
-middleware has not counted yet: by then it has.
+"""Number of checks that reject all messages after a sequence number that is not above all earlier
+ones. Its publisher is either the present one, which has just replaced another, or one that the
+middleware has not counted yet; after these checks it is counted.
 """
 
 
@@ -119,26 +118,26 @@ class Matched(Protocol):
 
 
 class SolePublisher:
-    """Decision whether the messages of a look at a queue come from a single publisher.
+    """Check whether the messages in a queue come from a single publisher.
 
-    Three facts exclude it: a publisher that came, or left, while there was another one, and a
-    number of a message that is not above all earlier ones of the publisher. The last closes the
-    moment between a publisher's first message and the middleware's count; so the numbers of a
-    publisher are remembered while others come and go.
+    Three observations exclude this: a publisher that came, or left, while there was another one,
+    and a sequence number that is not above all earlier ones of the publisher. The last one covers
+    the time between a publisher's first message and the middleware's count; therefore the numbers
+    of a publisher are remembered while others come and go.
 
     Parameters
     ----------
     matched : callable
-        Returns the present and the total number of publishers; None for no news.
+        Returns the present and the total number of publishers; None if they are unchanged.
 
     Attributes
     ----------
     contenders : int
-        Number of publishers that may have sent the messages of the last look.
+        Number of publishers that may have sent the messages of the last check.
     changed : bool
-        Publishers came or left between the last two looks.
+        True if publishers came or left between the last two checks.
     current : int
-        Number of publishers at the last look.
+        Number of publishers at the last check.
 
     Examples
     --------
@@ -160,10 +159,10 @@ class SolePublisher:
         self.contenders, self.changed = 0, False
 
     def sole(self, numbers: Sequence[int | None]) -> bool:
-        """Return whether all messages since the last call come from a single publisher.
+        """Return True if all messages since the last call come from a single publisher.
 
-        If not, what is in the queue after this call may come from others, too, and is to be
-        dropped: a publisher that left meanwhile can add nothing more.
+        If not, messages that are in the queue after this call may also come from others, and must
+        be dropped. A publisher that left meanwhile cannot add more.
 
         Parameters
         ----------

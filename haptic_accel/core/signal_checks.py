@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of a new rig's signals, each with its pass value and advice in the user's words."""
+"""Checks of a new rig's signals, each with its limit and advice for the user."""
 
 from __future__ import annotations
 
@@ -13,54 +13,55 @@ import numpy as np
 from haptic_accel.core.model import FloatArray
 
 MOST_MISSING = 0.01
-"""Largest share of missing samples: identification leaves out trials with more."""
+"""Maximum fraction of missing samples: identification omits trials with more."""
 
 STILL = 0.3
-"""Largest standard deviation of an accelerometer at rest, m/s^2; an ADXL320J has 0.07."""
+"""Maximum standard deviation of an accelerometer at rest, m/s^2; an ADXL320J has 0.07."""
 
 CLIPPED = 3
-"""Number of equal samples in succession at the signal's extreme that show its clipping."""
+"""Number of successive equal samples at the signal's extreme that indicate clipping."""
 
 TAP = 8.0
-"""Smallest peak of a tap relative to the noise at rest."""
+"""Minimum peak of a tap relative to the noise at rest."""
 
 PROBE_FREQUENCY = 150.0
 """Frequency of the probing force, Hz: above the resonances of handle and mount, where the handle's
 acceleration follows the force (paper, figure 4), and below the actuator's limits."""
 
 PROBE_FORCES = 0.1, 0.3
-"""Amplitudes of the probing force, N: of the size that the paper's textures need."""
+"""Amplitudes of the probing force, N: similar to the forces for the paper's textures."""
 
 AUDIBLE = 3.0
-"""Smallest response to the probing force relative to the noise in the same band."""
+"""Minimum response to the probing force relative to the noise in the same band."""
 
 LINEAR = 0.7
-"""Smallest ratio of the responses to the small and the large probing force, each per newton:
+"""Minimum ratio of the responses to the small and the large probing force, each per newton:
 friction holds a handle against small forces."""
 
 MOST_HEARD = 0.25
-"""Largest response of the tool's accelerometer to a probing force or noise, relative to the
-handle's: one that hears the handle sustains the force."""
+"""Maximum response of the tool's accelerometer to a probing force or noise, relative to the
+handle's: a sensor that picks up the handle sustains the force."""
 
 QUIET_BLOCK = 0.01
 """Duration over which vibration is averaged to find its end, s."""
 
 QUIET_SHARE = 0.1
-"""Share of the driven vibration, beside the noise, below which the handle counts as quiet."""
+"""Fraction of the driven vibration, in addition to the noise, below which the handle counts as
+quiet."""
 
 QUIET_TIME = 0.1
-"""Longest time from the end of the forces until the handle is quiet, s: the board's time-out of
-5 ms, and the decay of the handle in a hand."""
+"""Maximum time from the end of the forces until the handle is quiet, s: the board's time-out of 5
+ms, and the decay of the handle in a hand."""
 
 GONE_TIME = 1.5
-"""Longest time until a lost device is named, s; a serial board is given up after 1 s."""
+"""Maximum time until a lost device is reported, s; a serial board counts as lost after 1 s."""
 
 CURRENT_ERROR = 0.1
-"""Largest relative error of the measured current: resistors and meters have a few percent."""
+"""Maximum relative error of the measured current: resistors and meters have a few percent."""
 
 ABOVE_BOUND = 1.5, 5.0
-"""Factor and addition, percentage points, on the least possible error that `adaptive` should meet
-on a rig in a hand; on the simulated rig it is within 1.25 and 1."""
+"""Factor and addition, percentage points, that convert the least possible error to the limit of
+`adaptive` on a rig in a hand; on the simulated rig it stays within 1.25 and 1."""
 
 
 class Check(NamedTuple):
@@ -70,9 +71,9 @@ class Check(NamedTuple):
     ----------
     passed : bool
     text : str
-        Measured value beside the value to pass.
+        Measured value and its limit.
     advice : str
-        Instruction for the user where it did not pass.
+        Instruction for the user if the check failed.
     """
 
     passed: bool
@@ -81,7 +82,7 @@ class Check(NamedTuple):
 
 
 def rest_checks(acceleration: FloatArray) -> list[Check]:
-    """Check the signal of an accelerometer that is left alone.
+    """Check the signal of an accelerometer at rest.
 
     Parameters
     ----------
@@ -121,7 +122,7 @@ def rest_checks(acceleration: FloatArray) -> list[Check]:
 
 
 def is_tapped(acceleration: FloatArray, noise: float) -> bool:
-    """Return whether a signal, m/s^2, has a peak far above its noise at rest, m/s^2.
+    """Return True if a signal, m/s^2, has a peak far above its noise at rest, m/s^2.
 
     Examples
     --------
@@ -221,7 +222,7 @@ def quiet_after(acceleration: FloatArray, rate: float, end: int, noise: float) -
 
 
 def current_check(measured: float, commanded: float) -> Check:
-    """Check the measured current, A, through a resistor in the coil's place."""
+    """Check the measured current, A, through a resistor in place of the coil."""
     return Check(
         abs(measured - commanded) <= CURRENT_ERROR * abs(commanded),
         f"current {measured:g} A for {commanded:g} A (within {CURRENT_ERROR:.0%})",
@@ -247,7 +248,7 @@ def _rms(values: FloatArray) -> float:
 
 
 def _is_clipped(values: FloatArray) -> bool:
-    """Return whether the extreme value is held over several samples."""
+    """Return True if the extreme value repeats over several samples."""
     at_limit = np.abs(values) >= np.abs(values).max()
     run = np.convolve(at_limit, np.ones(CLIPPED), mode="valid")
     return bool((run >= CLIPPED).any())

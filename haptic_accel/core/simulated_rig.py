@@ -28,7 +28,7 @@ from haptic_accel.core.surfaces.virtual_rig import VirtualRigParameters
 
 @dataclass(frozen=True)
 class PlayedPlant(Plant):
-    """Plant of a virtual rig, with what only a rig can play."""
+    """Plant of a virtual rig, with effects that only a rig simulates."""
 
     second: ModeParameters = field(default_factory=ModeParameters)
     force_scale: float = like(DriveParameters, "force_scale")
@@ -44,8 +44,8 @@ class PlayedPlant(Plant):
 class RigParameters:
     """Both sides of the virtual rig and their coupling; `virtual` is the slave in a scene.
 
-    If parameters of the passive coupling are given, it replaces the paper's coupling. By default,
-    the master's safety layer uses the limits of the actuator.
+    If parameters of the passive coupling are specified, it replaces the paper's coupling. By
+    default, the master's safety layer uses the limits of the actuator.
     """
 
     master: MasterRigParameters = field(default_factory=MasterRigParameters)
@@ -162,8 +162,8 @@ def build_loop(
     sides, compensation
         Result of `build_parts`.
     composed : bool
-        False for the signals of a graph with a process for each node, whose compensation does not
-        know the forces of the arms.
+        False to simulate a graph with a process for each node, whose compensation does not know
+        the forces of the arms.
     longest : int
         Maximum number of waiting samples of an arm: one in lockstep, where none is late.
     """

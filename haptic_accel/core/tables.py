@@ -39,7 +39,7 @@ class Column:
     unit : str
         Unit of the text.
     digits : int, optional
-        Number of decimals of the text; without, as short as possible.
+        Number of decimals of the text; by default as few as possible.
     value : callable, optional
         Returns the value of a row.
     factor : float
@@ -83,7 +83,7 @@ class ResultTable:
     ----------
     headings : sequence of str
     rows : iterable of sequence
-        Cells: texts, or what a terminal can show in their place.
+        Cells: texts, or objects that a terminal can show instead.
     title, note : str
         Lines above and below the table.
     left : int

@@ -146,7 +146,7 @@ class ArmTopics:
         Force of the surface on the tool, N, if known and while there is a subscriber; None for an
         arm without a tool.
     stopped : Topic
-        State published by the device: whether it is under an emergency stop.
+        State published by the device: true during an emergency stop.
     work : Topic
         Work of its force per axis since the device was opened, J, while there is a subscriber.
     """

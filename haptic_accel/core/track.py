@@ -20,7 +20,7 @@ SHORTEST = 0.2
 """Minimum duration of a track, s: four times the fade of a loop."""
 
 FADE = 0.05
-"""Time in which the acceleration returns to rest after the end, s."""
+"""Duration of the return of the acceleration to rest after the end, s."""
 
 QUIET = 0.3
 """Duration of the final rest, s: ten time constants of the paper's high-pass."""
@@ -88,7 +88,7 @@ def gridded(
     acceleration : Stamped
         Acceleration along the actuator's axis, m/s^2.
     position, velocity : Stamped, optional
-        Position, m, and velocity, m/s; without them the arm stands still at its origin.
+        Position, m, and velocity, m/s; without them the arm is at rest at its origin.
     rate : float
         Sampling rate of the grid, Hz.
     start : int, optional
@@ -225,14 +225,14 @@ def quieted(track: Track) -> Track:
 
 
 class ReplayRig(Rig):
-    """Arm with recorded samples; see `ReplayArm`.
+    """Arm that replays recorded samples; see `ReplayArm`.
 
     Parameters
     ----------
     track : Track
         Track at the sampling rate of the rig.
     loop : bool
-        Restart at the end; otherwise the last sample repeats.
+        True to restart at the end; otherwise the last sample repeats.
     """
 
     def __init__(self, track: Track, *, loop: bool = False) -> None:

@@ -228,7 +228,7 @@ def run_trial(
     In each sample both rigs are read, coupling and compensation are computed, and the forces from
     `latency` samples before take effect. The response appears one sample later (the paper's
     tau_d). The compensation receives the handle's acceleration of the previous sample, as in the
-    live graph without late forces. The rigs stand still until their first force.
+    live graph without late forces. The rigs are at rest until their first force.
 
     Parameters
     ----------
@@ -331,7 +331,7 @@ def run_trial(
 
 
 def _failed(reason: str, warnings: Sequence[Warned], duration: float) -> float | None:
-    """Tell the reason for which `none` took over; return the time, s, or None if there is none."""
+    """Log the reason why `none` took over; return the time, s, or None if it did not."""
     if not reason:
         return None
     warn_once(reason)
@@ -349,7 +349,7 @@ def _crossed(
     followed = np.apply_along_axis(
         lambda component: np.interp(np.nan_to_num(ticks), count, component), 0, tool
     )
-    # While waiting nothing is played, and nothing desired.
+    # While waiting, the played and the desired acceleration are zero.
     desired = np.where(np.isnan(ticks), played.T, followed.T).T
     return Crossing(played, (count - ticks) / rate, kinds, np.array(energies)), desired
 
@@ -482,7 +482,7 @@ def master_response(
     rate : float
         Samples per second.
     delay : float, optional
-        Delay of the drive in place of the rig's own, s.
+        Delay of the drive instead of the rig's own, s.
     """
     if delay is not None:
         rig = replace(rig, drive=replace(rig.drive, delay=delay))

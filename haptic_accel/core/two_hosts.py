@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Coupling of two hosts: an arm's engagement, half and place in the loop; both in lockstep.
+"""Coupling of two hosts: engagement, half and loop part of an arm; both hosts in lockstep.
 
 The caller of a half exchanges datagrams with the peer's half. The order in a tick is: `receive`,
 `begin`, `put` for each sample, `poll` if the engagement is due, `packet`.
@@ -75,7 +75,8 @@ class HalfEngagement(engagement.Engagement):
     count : int
         Number of engagements of the arm.
     resumes : bool
-        The arm keeps its reference position: in this engagement, or if free, in the next one.
+        True if the arm keeps its reference position: in this engagement or, if free, in the next
+        one.
     unusable : str
         Reason why received packets are unusable; empty if none are received. Set by the caller.
     """
@@ -103,9 +104,9 @@ class HalfEngagement(engagement.Engagement):
             self._partner = packet.session, packet.engagement
 
     def ready(self, now: float, listeners: int) -> bool:
-        """Return whether this host, which receives the peer's packets, is ready to engage.
+        """Return True if this host receives the peer's packets and is ready to engage.
 
-        Arguments as for `missing`.
+        See `missing` for the arguments.
         """
         return not (super().missing(now, listeners) or self._lost(now))
 
@@ -114,7 +115,7 @@ class HalfEngagement(engagement.Engagement):
         return super().missing(now, listeners) or self._missing_there(now)
 
     def decide(self, now: float, listeners: int) -> engagement.Decision:
-        """Return the actions that are due; arguments as for `missing`."""
+        """Return the actions that are due; see `missing` for the arguments."""
         lost = self._lost(now)
         by_network = not super().missing(now, listeners) and self._resumable_after(now)
         decision = super().decide(now, listeners)
@@ -137,7 +138,7 @@ class HalfEngagement(engagement.Engagement):
         return decision
 
     def due(self, now: float) -> bool:
-        """Return whether `decide` is due; at once after the loss of the peer."""
+        """Return True if `decide` is due; immediately after the loss of the peer."""
         if super().due(now):
             return True
         return self.engaged and (self.stop.stopped or bool(self._missing_there(now)))
@@ -149,7 +150,7 @@ class HalfEngagement(engagement.Engagement):
         return RESTARTED if self.engaged and self._peer.session != self._session else ""
 
     def _resumable_after(self, now: float) -> bool:
-        """Return whether the reason at the peer is a loss of packets after both were engaged."""
+        """Return True if the reason at the peer is a loss of packets after both were engaged."""
         missing = self._missing_there(now)
         return (
             self._parameters.recovery != MANUAL
@@ -177,12 +178,12 @@ class HalfEngagement(engagement.Engagement):
 
 
 CATCH_UP = 0.05
-"""Speed at which the arms approach each other after engagement, m/s: half that of a stroke. It
-falls with the energy that the tank has to spare, so that following takes precedence."""
+"""Speed at which the arms approach each other after engagement, m/s: half that of a stroke. It is
+reduced if the tank has little spare energy, so that following takes precedence."""
 
 RISE_TIME = 0.1
-"""Time in which stiffness and damping rise from zero after engagement, s: an arm that moves at 0.5
-m/s feels at most 15 mN more in each millisecond."""
+"""Time in which stiffness and damping rise from zero after engagement, s: the force on an arm that
+moves at 0.5 m/s increases by at most 15 mN per millisecond."""
 
 
 class ArmEndpoint:
@@ -192,7 +193,7 @@ class ArmEndpoint:
     scale. It is the position at engagement, or if the engagement is resumed, that of the previous
     one. A force is zero at engagement: from the arm's own position, the set-point approaches the
     peer's at `CATCH_UP`. Forces use this scale too, and energies are divided by its square.
-    Times as for `Endpoint`.
+    See `Endpoint` for the times.
 
     Parameters
     ----------
@@ -255,7 +256,7 @@ class ArmEndpoint:
     def outgoing(self, state: State, motion: Motion, now: float, system: int) -> bytes | None:
         """Return the due packet, or None; a free arm is reported at rest.
 
-        Parameters as for `Endpoint.outgoing`, with the measured motion.
+        See `Endpoint.outgoing` for the parameters; the motion is the measured one.
         """
         stamp, position, velocity = motion
         crossing = Motion(stamp)
@@ -287,7 +288,8 @@ class ArmEndpoint:
             None if work is None else work / self._scale**2,
         )
         if self._ahead is not None and self._ahead != ZERO and self.half.share < 1.0:
-            # Wait where the energy suffices, so that the force does not jump when more arrives.
+            # Keep the set-point where the energy suffices, so that the force does not jump when
+            # more arrives.
             d_x, d_y, d_z = passive.scaled(own, 1.0 - self.half.share, self._goal)
             a_x, a_y, a_z = self._ahead
             self._ahead = a_x + d_x, a_y + d_y, a_z + d_z
@@ -316,7 +318,7 @@ class ArmEndpoint:
 class HalfCouplingPart(tick.ArmCoupling):
     """Engage an arm with its peer, compute its forces, and play the peer's samples.
 
-    Times as for `Endpoint`.
+    See `Endpoint` for the times.
 
     Parameters
     ----------
@@ -389,7 +391,7 @@ class HalfCouplingPart(tick.ArmCoupling):
             forces.s_x, forces.s_y, forces.s_z = x, y, z
 
     def poll(self, now: float, listeners: int) -> Decision:
-        """Engage or release the arm if this is due; arguments as for `Engagement.missing`."""
+        """Engage or release the arm if this is due; see `Engagement.missing` for the arguments."""
         decision = self.engagement.decide(now, listeners)
         if decision.release:
             del self.forces[self.passed :]
@@ -417,7 +419,7 @@ BEGIN = 1_800_000_000
 """System time of both hosts at the first sample, s."""
 
 ROUNDING = 1e-9
-"""Time by which a packet may be early, s, as sums of times are not exact."""
+"""Time by which a packet may arrive early, s, as sums of times are not exact."""
 
 
 class TwoHosts:
@@ -438,7 +440,7 @@ class TwoHosts:
     seed : int
         Seed of the network.
     blackouts : sequence of (float, float)
-        Start and end of each blackout, s, in which no packet arrives.
+        Start and end of each blackout, s; packets sent during it are lost.
     axes : Axes
         Axes of the tool.
 
@@ -504,7 +506,7 @@ class TwoHosts:
         for half, channel in zip(self.halves.values(), reversed(self.channels), strict=True):
             half.receive(channel.arrived(time + ROUNDING), time, system)
         for arm, loop in self.loops.items():
-            # A device stops with its coupler.
+            # A device stops together with its coupler.
             stopped = self.halves[arm].engagement.stop.stopped
             self.halves[arm].engagement.arm_stopped(arm, stopped)
             loop.step(tick)

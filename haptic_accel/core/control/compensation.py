@@ -131,7 +131,8 @@ class Compensation(HandleCompensation):
     ----------
     parameters : CompensationParameters
         Controller, high-pass corner, sensor range and axes.
-    Samples per second; above twice the high-pass corner, and equal to that of a three-axis plant.
+    rate : float
+        Samples per second; above twice the high-pass corner, and that of a three-axis plant.
         Samples per second; above twice the high-pass corner, and that of a plant of three axes.
     options : mapping, optional
         Parameters of controllers (by name), of the actuator (`ACTUATOR`) and of the identified
@@ -225,7 +226,7 @@ class Compensation(HandleCompensation):
         self.sensors = SensorWatch(rate, traces)
         self.alignment = None if single else Alignment(rate, coils)
         self.switch = ReductionSwitch(parameters.reduction, rate, self._unreduced)
-        # Below the range, not at it.
+        # A value at the limit counts as saturated.
         handle_range = math.nextafter(AT_RANGE * parameters.handle_range, 0.0)
         super().__init__([*self.channels], sections, handle_range, round(STUCK * rate))
         self._begin_again()

@@ -106,7 +106,9 @@ class GripEstimator(Evaluation):
     loaded grip suddenly changes fits no grip, and thus has little weight. If the error with the
     present grip is much larger than the smallest, the hand has changed, and the past is discarded.
     Where noise of this size could explain the estimate as well, the estimate is pulled towards the
-    assumed grip. `update` returns True when the grip has changed.
+    assumed grip.
+
+    `update` returns True when the grip has changed.
 
     Parameters
     ----------

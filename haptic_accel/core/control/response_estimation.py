@@ -285,8 +285,8 @@ class AutocorrelationEstimator(Evaluation):
 
     Parameters
     ----------
-    Samples that `update` reads, in parts: those of `drive`, while `desired` is large enough.
-        something to learn.
+    trace : Trace
+        Samples that `update` reads, in parts: those of `drive`, while `desired` is large enough.
     rate : float
         Samples per second.
     memory : float

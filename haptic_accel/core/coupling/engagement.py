@@ -5,7 +5,7 @@
 
 The state machine has no clock: the caller passes times in s, which never decrease.
 
-In an emergency stop a message stops, and only a request releases.
+A message triggers the emergency stop; only a request releases it.
 """
 
 from __future__ import annotations
@@ -72,11 +72,11 @@ class EmergencyStop:
         self._heard = self._coupler_heard = -math.inf
 
     def is_settled(self, now: float) -> bool:
-        """Return whether every stop from before the node's start has been received."""
+        """Return True if every stop from before the node's start has been received."""
         return now - self._started >= LATCHED_SETTLING
 
     def stop(self) -> bool:
-        """Stop; return whether the state is new."""
+        """Stop; return True if the state is new."""
         new = not self.stopped
         self.began += new or self._followed
         self.stopped, self._followed = True, False
@@ -88,14 +88,14 @@ class EmergencyStop:
         self.stopped = True
 
     def receive(self, stop: bool, now: float) -> bool:
-        """Handle a stop message; return whether it is new."""
+        """Handle a stop message; return True if it is a new stop."""
         self._requested = stop
         if stop:
             self._heard = now
         return stop and self.stop()
 
     def receive_coupler(self, stopped: bool, now: float) -> bool:
-        """Handle the state of the graph's coupler; return whether it is a new stop."""
+        """Handle the state of the graph's coupler; return True if it is a new stop."""
         self._coupler_stopped, self._coupler_heard = stopped, now
         return stopped and self.stop()
 
@@ -144,8 +144,8 @@ STOPPED = "emergency stop"
 """Reason for free arms while the emergency stop is not released."""
 
 DIFFERING = 0.5
-"""Maximum time for which a device and the coupler may disagree about the emergency stop, s; then
-all stop. A stop or its release does not reach all nodes at the same time."""
+"""Maximum time for which a device and the coupler may disagree about the emergency stop, s;
+afterwards all nodes stop. A stop or its release does not reach all nodes at the same time."""
 
 DISENGAGED = "let go on request"
 """Reason for free arms after a request to release them."""
@@ -183,7 +183,7 @@ class Decision:
     resume : bool
         Couple them at their previous reference positions.
     finished : bool
-        The duration is over; remains true.
+        True once the duration is over.
     warning : str
         Line for the log; may be empty.
     """
@@ -217,9 +217,9 @@ class Engagement:
     stop : EmergencyStop
         Stop of the coupler; a long disagreement with a device stops all nodes.
     compensated : bool
-        A force of the compensator was received, or none is required.
+        True if a force of the compensator was received, or none is required.
     watches : dict of ArmWatch
-        Plausibility and silence of the arms' positions; the caller passes each to its arm's.
+        Monitors of the arms' positions; the caller passes each position to its arm's monitor.
     arms : tuple of str
     """
 
@@ -247,7 +247,7 @@ class Engagement:
 
     @property
     def interrupted(self) -> str:
-        """Silence or jump that ends the engagement at the next `decide`; empty for none."""
+        """Interruption or jump that ends the engagement at the next `decide`; empty if none."""
         found = [w.interrupted for w in self.watches.values() if w.interrupted]
         return found[-1] if found else ""
 
@@ -256,18 +256,18 @@ class Engagement:
         self._arms_stopped[arm] = stopped
 
     def request(self, engage: bool) -> str:
-        """Request engagement or release; return why it is refused, or an empty string."""
+        """Request engagement or release; return the reason for a refusal, or an empty string."""
         if engage and self.stop.stopped:
             return f"{STOPPED}: release it first"
         self._freed = "" if engage else DISENGAGED
         return ""
 
     def aside(self, now: float) -> bool:
-        """Return whether free arms are at rest, so that others may move them."""
+        """Return True if free arms are at rest, so that others may move them."""
         return bool(self._freed) and not self.engaged and now - self._released >= FREE_TIME
 
     def due(self, now: float) -> bool:
-        """Return whether the next `decide` is due."""
+        """Return True if the next `decide` is due."""
         return now >= self._step_due or bool(self.interrupted)
 
     def missing(self, now: float, listeners: int) -> str:
@@ -302,7 +302,7 @@ class Engagement:
         return ""
 
     def decide(self, now: float, listeners: int) -> Decision:
-        """Return the actions that are due; arguments as for `missing`."""
+        """Return the actions that are due; see `missing` for the arguments."""
         self._step_due = now + STEP_PERIOD
         differing = self._stop_all(now)
         missing = self.missing(now, listeners)

@@ -3,9 +3,9 @@
 
 """Passive coupling of two arms over a network: spring, local damping and energy tank.
 
-Each arm has one half of the coupling. Law, proof and performance:
-haptic_accel/kits/link/passive_coupling.md.
-Parameters of the other coupling, position-position (paper, section II), stand here, too.
+Each arm has one half of the coupling. See haptic_accel/kits/link/passive_coupling.md for the law,
+its proof and its performance.
+The parameters of the position-position coupling (paper, section II) are here, too.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ RAISE_TIME = 1.0
 
 SHARE_TIME = 0.03
 """Minimum time in which a force that the tank had limited to zero recovers, s. Energy arrives in
-lumps, which without this are felt as jolts."""
+bursts, which would otherwise be perceptible as jolts."""
 
 
 @dataclass(frozen=True)
@@ -179,15 +179,15 @@ class PassiveHalf:
     latency : int
         Delay from sample to force, in samples.
     leads : bool
-        Extrapolate the set-point by the peer's velocity; for the slave only.
+        True to extrapolate the set-point by the peer's velocity; for the slave only.
 
     Attributes
     ----------
     energy : float
-        Energy in the tank, J, which may be given to the arm; includes the spring's potential
+        Energy in the tank, J, that may be transferred to the arm; includes the spring's potential
         energy.
     shipped : float
-        Energy given to the present peer since `new_session`, J.
+        Energy sent to the present peer since `new_session`, J.
     stiffness, damping : float
         Present values, N/m and N s/m.
     limited : float
@@ -343,7 +343,7 @@ class PassiveHalf:
         self._led_velocity = ZERO
 
     def _settle(self) -> None:
-        """Subtract the energy that present forces could give, which is not measured any more."""
+        """Subtract the energy that present forces could transfer, as it is no longer measured."""
         self.energy -= self._under_way
         self._clear()
 

@@ -760,7 +760,7 @@ def detection_threshold(frequency: FloatArray) -> FloatArray:
 def indistinguishable(desired: FloatArray, actual: FloatArray, rate: float) -> float:
     """Return the share of cells in which a hand cannot distinguish actual from desired.
 
-    A cell is half a second in a Hann window, half overlapping, within a third-octave band. It
+    A cell is half a second in a Hann window, overlapping by half, within a third-octave band. It
     counts if the level of one of the accelerations reaches `detection_threshold`. Its levels are
     indistinguishable if they differ by at most `JUST_NOTICEABLE`.
 

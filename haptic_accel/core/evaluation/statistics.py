@@ -27,7 +27,7 @@ CONFIDENCE = 0.95
 """Confidence level of every interval."""
 
 SEGMENT = 1.0
-"""Length of the pieces of a trial that count as independent, s: some strokes of a hand, and many
+"""Length of the pieces of a trial that count as independent, s: a few strokes of a hand, and many
 times the correlation time of handle and texture."""
 
 FEWEST_SEGMENTS = 5
@@ -113,9 +113,9 @@ def mean_interval(
 ) -> Interval:
     """Return the mean of independent values with an interval that stays within their range.
 
-    Student's interval on the logarithm of the mean's distance from one end of the range, or of its
-    logit between two ends; the standard error is transformed by the derivative (delta method).
-    Without ends it is Student's own. Unlike Student's own interval, it has nearly the nominal
+    The interval is Student's for the logarithm of the mean's distance from one end of the range,
+    or for its logit between two ends; the standard error is transformed by the derivative (delta
+    method). Without ends it is Student's own interval. Unlike this, it has nearly the nominal
     coverage also for skewed values. Values that are not finite are ignored. Fewer than `FEWEST`
     values have no interval; the mean of no values is NaN.
 
@@ -267,7 +267,7 @@ def _signs(n: int) -> FloatArray:
 
 
 def _signed_ranks(differences: FloatArray, alternative: Alternative) -> float:
-    """Return the probability of Wilcoxon's test; differences of zero are left out.
+    """Return the probability of Wilcoxon's test; differences of zero are omitted.
 
     For few differences all flips are tried here, because scipy takes a second per test with ties.
     """

@@ -33,8 +33,8 @@ def mechanics(
 
     States are positions, m, and velocities, m/s: of actuator, handle and mount along the
     actuator's axis, of the handle across it, and of the hand in both directions. The last state is
-    the sensor's acceleration, m/s^2. Inputs are forces, N, and accelerations, m/s^2. Constants
-    name states and inputs.
+    the sensor's acceleration, m/s^2. Inputs are forces, N, and accelerations, m/s^2. The module's
+    constants are the indices of states and inputs.
 
     Parameters
     ----------
@@ -96,9 +96,9 @@ def axial_mechanics(
 
 
 def zero_order_hold(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
-    """Return the factors of the state and of held inputs after a time in s.
+    """Return the transition matrices of the state and of constant inputs over a time in s.
 
-    B, and the factor of the inputs, have the shape (n,) for one input, or (n, m).
+    B, and the matrix of the inputs, have the shape (n,) for one input, or (n, m).
     """
     from scipy.linalg import expm
 

@@ -104,7 +104,7 @@ class SensorMounts:
 
 
 def mass_matrix(handle: HandleParameters, coils: CoilMounting) -> FloatArray:
-    """Return the mass matrix of position, turn and coils, shape (9, 9), in kg, kg m and kg m^2.
+    """Return the mass matrix of position, rotation and coils, (9, 9), in kg, kg m and kg m^2.
 
     As in eq. (2) of the paper, the mass m_h is that of everything which moves with the handle
     along an axis while one coil moves freely: it contains the two other coils.
@@ -134,10 +134,10 @@ def mass_matrix(handle: HandleParameters, coils: CoilMounting) -> FloatArray:
 
 
 def stiffness_and_damping(handle: HandleParameters) -> tuple[FloatArray, FloatArray]:
-    """Return stiffness and damping of position, turn and coils, each of shape (9,).
+    """Return stiffness and damping of position, rotation and coils, each of shape (9,).
 
-    Half of the grip acts at each end of its width. Units are N/m and N s/m, and for the turn
-    N m/rad and N m s/rad.
+    Half of the grip acts at each end of its width. Units are N/m and N s/m, and for the rotation N
+    m/rad and N m s/rad.
     """
     gripped = np.repeat((1.0, (GRIP_WIDTH / 2) ** 2, 0.0), 3)
     suspended = np.repeat((0.0, 0.0, 1.0), 3)
@@ -148,7 +148,7 @@ def stiffness_and_damping(handle: HandleParameters) -> tuple[FloatArray, FloatAr
 
 
 def sensed_motion(body: BodyParameters) -> FloatArray:
-    """Return the motion of the accelerometer's point by position, turn and coils, shape (3, 9)."""
+    """Return the matrix from position, rotation and coils to the accelerometer's point, (3, 9)."""
     sensed = np.zeros((3, 9))
     sensed[:, PLACE] = np.eye(3)
     sensed[:, TURN] = -_cross(np.array([body.sensor_x, body.sensor_y, body.sensor_z]))
@@ -165,10 +165,11 @@ def three_axis_mechanics(
 ) -> tuple[FloatArray, FloatArray]:
     """Return A and B of x' = A x + B u for small rotations, from Lagrange's equations.
 
-    Constants name states and inputs: forces of the coils and between coil and handle, N, those of
-    the arm, accelerations of the hand and of gravity, m/s^2. As in eq. (1), a coil's force pushes
-    the handle along the coil's direction, and the coil the other way. The acceleration is that of
-    the accelerometer's motion along the axes of the handle, after its low-pass.
+    The module's constants are the indices of states and inputs: forces of the coils and between
+    coil and handle, N, those of the arm, accelerations of the hand and of gravity, m/s^2. As in
+    eq. (1), a coil's force pushes the handle along the coil's direction, and the coil the other
+    way. The acceleration is that of the accelerometer's motion along the axes of the handle, after
+    its low-pass.
 
     Parameters
     ----------

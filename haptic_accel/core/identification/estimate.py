@@ -382,11 +382,11 @@ def identify_discrete(
 ) -> DiscreteModel:
     """Identify a discrete model from a recording that starts at rest.
 
-    Steiglitz-McBride iterations (IEEE Trans. Automatic Control 10, 1965), which are unbiased for
-    white noise in the acceleration. They use partial fractions instead of powers of z (vector
-    fitting in the time domain: Gustavsen and Semlyen, IEEE Trans. Power Delivery 14, 1999), which
-    are well-conditioned even at high orders and rates. Poles outside the unit circle are
-    reflected.
+    The method is that of Steiglitz and McBride (IEEE Trans. Automatic Control 10, 1965), whose
+    iterations are unbiased for white noise in the acceleration. They use partial fractions instead
+    of powers of z (vector fitting in the time domain: Gustavsen and Semlyen, IEEE Trans. Power
+    Delivery 14, 1999), which are well-conditioned even at high orders and rates. Poles outside the
+    unit circle are reflected.
 
     Parameters
     ----------

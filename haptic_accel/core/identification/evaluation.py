@@ -370,13 +370,13 @@ def _misfit(fit: HandleFit) -> Iterator[str]:
 
 
 def _obvious(rigid: HandleFit, moving: HandleFit) -> bool:
-    """Return whether responses show a mode of the mount that no friction can imitate."""
+    """Return True if responses show a mode of the mount that friction cannot imitate."""
     unexplained = max(UNEXPLAINED, 2.0 * moving.residual)
     return rigid.residual > unexplained and not _at_limit(moving)
 
 
 def _at_limit(moving: HandleFit) -> bool:
-    """Return whether the mode of a mount is at a limit of the search, and thus does not exist."""
+    """Return True if the mode of a mount is at a limit of the search, and thus does not exist."""
     return not set(MOUNT).isdisjoint(moving.limited)
 
 

@@ -57,7 +57,7 @@ _START_FACTORS = {  # grips vary by these factors between people
     **dict.fromkeys(("b_s", "m_h", "k_u", "b_u"), (0.3, 1.0, 3.0)),
     "mount_frequency": (0.7, 1.0, 1.4),
 }
-_START_DELAYS = 2.5e-4  # spacing, s: a sixth of a turn at 200 Hz would be 8e-4
+_START_DELAYS = 2.5e-4  # spacing, s: 60 degrees of phase at 200 Hz would be 8e-4
 _START_LINES = 40  # lines in the search for initial values
 _NEAR = 1e-3  # samples by which an identified delay may be below a whole number
 _SETTLED = 7.0  # number of time constants until a low-pass follows a jump within 0.1 %
@@ -295,8 +295,8 @@ def fit_handle(
 ) -> HandleFit:
     """Fit eq. (3) of the paper, with delay, hold and low-pass, to one or more responses.
 
-    Complex least squares with each line weighted by its standard deviation. Parameters are fitted
-    as logarithms, and thus remain positive.
+    The method is complex least squares, in which each line is weighted by its standard deviation.
+    Parameters are fitted as logarithms, and thus remain positive.
 
     Parameters
     ----------
@@ -490,7 +490,7 @@ _ROUNDING = 1e-9  # relative
 
 
 def check_free(free: Sequence[str]) -> None:
-    """Refuse unknown names of parameters (``friction`` is allowed), too few and too many names.
+    """Reject unknown names of parameters (``friction`` is allowed), too few and too many names.
 
     Raises
     ------

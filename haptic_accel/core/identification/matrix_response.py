@@ -27,8 +27,8 @@ COILS = 3
 
 ONSET_TIME, ONSET_RIDGE, ONSET = 0.032, 0.1, 0.4
 """Length of an impulse response, s, weight of its ridge regression, and fraction of the largest
-sample at which the response counts as started. Without noise they give the sign right for delays
-to 5 ms, low-passes from 200 Hz and modes from 120 Hz with damping ratios from 0.05 (1296
+sample at which the response counts as started. Without noise they yield the correct sign for
+delays up to 5 ms, low-passes from 200 Hz and modes from 120 Hz with damping ratios from 0.05 (1296
 handles)."""
 
 
@@ -92,7 +92,7 @@ def matrix_response(
     """Estimate the response by least squares at each line over all evaluated periods.
 
     G = A F^H (F F^H)^-1 for the spectra A of the accelerations and F of the forces. The noise is
-    the rest, smoothed over adjacent lines; its covariance is that of G times F F^H.
+    the residual, smoothed over adjacent lines; its covariance is that of G times F F^H.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def _check_directions(found: MatrixResponse) -> None:
 
 
 def _pushes_back(found: MatrixResponse, axis: int) -> bool:
-    """Return whether an axis' own impulse response begins with negative samples.
+    """Return True if an axis' own impulse response starts with negative samples.
 
     A force first accelerates the mass in its own direction, for any delay, mount mode and
     low-pass.
@@ -251,8 +251,8 @@ def _pushes_back(found: MatrixResponse, axis: int) -> bool:
 
 
 LENGTHS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
-"""Allowed lengths of the impulse responses, samples. A handle that turns in the
-hand at 10 Hz needs 256 at 1 kHz."""
+"""Allowed lengths of the impulse responses, samples. A handle that rotates in the hand at 10 Hz
+needs 256 at 1 kHz."""
 
 DECAYS = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 """Candidate time constants of the prior's standard deviation, samples."""

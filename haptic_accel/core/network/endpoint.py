@@ -369,7 +369,7 @@ class Session:
         self.peer, self._newest, self._seen = packet.session, packet.sequence, 1
 
     def _follows(self, sequence: int, now: float) -> bool:
-        """Count a packet with the highest number so far; return whether it is acceptable."""
+        """Count a packet with the highest number so far; return True if it is acceptable."""
         ahead = sequence - self._newest
         if not 0 < ahead <= FASTEST * (now - self.last_reception + LARGEST_JUMP):
             return False
@@ -503,7 +503,7 @@ class ClockOffset:
         self._fit()
 
     def _differs(self, exchange: Exchange) -> bool:
-        """Return whether only a clock step can explain an exchange."""
+        """Return True if only a clock step can explain an exchange."""
         difference = abs(exchange.offset - self.offset(exchange.time))
         return difference > exchange.round_trip / 2 + self.bound + SLACK
 
@@ -720,7 +720,7 @@ class Endpoint:
         return self.peer.shipped if self.peer and self._is_echoed(self.peer) else 0.0
 
     def fresh(self, now: float, timeout: float) -> bool:
-        """Return whether a packet of the peer was received within a time in s."""
+        """Return True if a packet of the peer was received within a time in s."""
         return now - self.session.last_reception <= timeout
 
     def round_trip_age(self, now: float) -> float:

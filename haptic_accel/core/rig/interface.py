@@ -50,12 +50,12 @@ class Rig:
 
     @property
     def flat(self) -> SimulatedArm | None:
-        """Motion that the loop may call directly; None for a rig with its own reads or writes."""
+        """Motion that the loop may call directly; None for a rig that overrides its access."""
         ways = [getattr(way, "__func__", None) for way in (self.read, self.write)]
         return self.motion if ways == [Rig.read, Rig.write] else None
 
     def read(self, time: float) -> Sample:
-        """Simulate until a time, s, and return the sample then."""
+        """Simulate until a time, s, and return the sample at that time."""
         self.motion.measure(time)
         return self.motion.reading.sample
 
@@ -69,7 +69,7 @@ class Rig:
             self.motion.drive_at(time, False, *actuator_force)
 
     def advance(self, time: float) -> None:
-        """Integrate the physics until a time since the start; a past time changes nothing."""
+        """Integrate the physics until a time since the start; past times are ignored."""
         self.motion.advance(time)
 
     def measure(self) -> Sample:

@@ -73,7 +73,7 @@ class ExplorationParameters(Checked):
 
 @dataclass(frozen=True)
 class HeldRigParameters:
-    """Parameters of a simulated handle, whatever its number of coils."""
+    """Parameters of a simulated handle with any number of coils."""
 
     handle: model.HandleParameters = field(default_factory=model.HandleParameters)
     grip: model.GripParameters = field(default_factory=model.GripParameters)
@@ -109,7 +109,7 @@ class SimulatedMasterParameters(MasterRigParameters, Checked):
 
 
 class HeldRig(Rig, ABC):
-    """Handle with linear mechanics in a hand that leads it; see `HeldArm`.
+    """Handle with linear mechanics in a hand that guides it; see `HeldArm`.
 
     Parameters
     ----------
@@ -128,11 +128,11 @@ class HeldRig(Rig, ABC):
     """
 
     ARM: ClassVar[Callable[..., simulated.HeldArm]]
-    """Motion of the arm."""
+    """Class of the arm's motion."""
     AXES: ClassVar[Axes]
     """Axes of coils and accelerometer."""
     GRAVITY: ClassVar[int]
-    """Input of gravity."""
+    """Index of gravity among the inputs."""
 
     _p: HeldRigParameters
 
@@ -178,7 +178,7 @@ class HeldRig(Rig, ABC):
         states, size = len(motion.state), len(motion.joint)
         self._rub(columns.reshape(-1, size, states)[:, states:])
         if drive.coulomb_friction:
-            # Steps within which held friction does not reverse a slip.
+            # Number of steps within which constant friction does not reverse a slip.
             reduced_mass = 1 / (1 / handle.m_a + 1 / handle.m_h)
             relaxation = reduced_mass * drive.slip_velocity / drive.coulomb_friction
             motion.friction_steps = max(1, int(min(motion.longest, relaxation / motion.step)))
@@ -266,11 +266,11 @@ _RATES = np.r_[three.SPEED, three.SPIN, three.SLIP]
 
 
 class ThreeAxisRig(HeldRig):
-    """Master whose handle moves and turns under three coils.
+    """Master whose handle translates and rotates under three coils.
 
-    The hand holds the handle against translation and rotation, and leads it along x and z. The arm
-    pulls at the centre of mass. All turns are small. Without tilts and offsets, each axis is that
-    of `MasterRig`.
+    The hand holds the handle against translation and rotation, and guides it along x and z. The
+    arm pulls at the centre of mass. All rotations are small. Without tilts and offsets, each axis
+    equals that of `MasterRig`.
 
     Parameters as for `HeldRig`.
 
@@ -299,7 +299,7 @@ class ThreeAxisRig(HeldRig):
     def response(
         self, frequency: npt.ArrayLike, rate: float, coupling: float = 0.0
     ) -> ComplexArray:
-        """Return the exact response of the sampled acceleration to the held coil forces.
+        """Return the exact response of the sampled acceleration to coil forces (zero-order hold).
 
         Parameters
         ----------
@@ -376,7 +376,7 @@ def transitions(a: FloatArray, b: FloatArray, step: float, longest: int) -> Floa
     a : ndarray, shape (n, n)
     b : ndarray, shape (n, m)
     step : float
-        s.
+        Duration of a step, s.
     longest : int
         Maximum number of steps.
 

@@ -201,7 +201,7 @@ class SlaveRig(Rig):
         tip.v_x, tip.v_z = velocity_x, velocity_z
 
     def _lay(self, surface: SurfaceParameters) -> None:
-        """Put a piece of a surface under the tip."""
+        """Place a section of a surface under the tip."""
         tip = self._tip
         tip.spacing = PROFILE_STEP
         tip.stiffness, tip.damping = surface.stiffness, surface.contact_damping
@@ -258,7 +258,7 @@ def _roughness(surface: SurfaceParameters, random: np.random.Generator) -> Float
 
 
 def _bumps(surface: SurfaceParameters, random: np.random.Generator) -> FloatArray:
-    """Return Gaussian ridges at more or less regular distances."""
+    """Return Gaussian ridges at regular or irregular distances."""
     length = PROFILE_POINTS * PROFILE_STEP
     if surface.bump_height == 0:
         return np.zeros(PROFILE_POINTS)

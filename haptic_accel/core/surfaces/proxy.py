@@ -135,8 +135,8 @@ def _nearest_outside(tool: Vector, planes: list[LocalPlane]) -> Vector:
     """Return the position nearest to a tool that is above all planes.
 
     Dual active-set method (Goldfarb and Idnani, 1983): the number of steps does not depend on the
-    angles between the planes. Without such a position, as between planes that face each other,
-    the result is above the planes of the last step.
+    angles between the planes. If there is no such position, for example between planes that face
+    each other, the result is above the planes of the last step.
     """
     x, y, z = tool
     active: list[Vector] = []
@@ -175,7 +175,7 @@ def _nearest_outside(tool: Vector, planes: list[LocalPlane]) -> Vector:
 
 
 def _deepest(position: Vector, planes: list[LocalPlane]) -> tuple[float, Vector]:
-    """Return the depth of a position below the plane furthest above it, and its normal."""
+    """Return the depth of a position below the plane furthest above it, and the plane's normal."""
     x, y, z = position
     most, found = -math.inf, ZERO
     for _, normal, offset in planes:

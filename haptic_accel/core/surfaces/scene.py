@@ -93,7 +93,7 @@ class Scene:
         Position above which the tool starts, m.
     name : str
     mover : callable, optional
-        Function that makes the tool of a moving scene from parameters, scene and rate.
+        Function that creates the tool of a moving scene from parameters, scene and rate.
 
     Raises
     ------
@@ -128,18 +128,18 @@ class Scene:
         Parameters
         ----------
         point : tuple of float
-            m.
+            Start of the ray, m.
         direction : tuple of float
             Unit vector.
         way : float
-            m.
+            Maximum length of the ray, m.
 
         Returns
         -------
         number : int
             Index of the object in the scene; -1 for none, or if the ray starts inside one.
         way : float
-            m.
+            Distance along the ray, m.
         """
         (x, y, z), (d_x, d_y, d_z) = point, direction
         gone = 0.0

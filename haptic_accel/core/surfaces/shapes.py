@@ -239,7 +239,7 @@ class HeightField:
 
 @dataclass(frozen=True, eq=False)
 class DistanceGrid:
-    """Solid given by signed distances on a grid, with trilinear interpolation.
+    """Solid defined by signed distances on a grid, with trilinear interpolation.
 
     Parts thinner than two spacings are lost.
 

@@ -385,7 +385,8 @@ class Touch:
     def settle(self, point: Vector) -> float:
         """Return the energy in J generated since the plane was set, with the tool at a position.
 
-        This is the error of the integration. Damper and friction count only if they generate.
+        This is the error of the integration. Damper and friction count only if they generate
+        energy.
         """
         n_x, n_y, n_z = self.normal
         self.depth = self._offset - n_x * point[0] - n_y * point[1] - n_z * point[2]
@@ -398,7 +399,7 @@ class Touch:
         return self._stiffness / 2 * self.depth**2
 
     def push(self, point: Vector, came: Vector, velocity: Vector, step: float) -> Vector:
-        """Return the tool's velocity after a step, given the position at its middle.
+        """Return the tool's velocity after a step, for a position at the step's middle.
 
         Parameters
         ----------

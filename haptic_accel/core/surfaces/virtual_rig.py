@@ -84,7 +84,7 @@ class VirtualArm(SimulatedArm):
     """Tool in a scene, moved by the arm's motors.
 
     Textures and taps of the touched materials cause the acceleration. The vibration of one
-    material decays while the next starts. The tool stands still until the arm's first force, and
+    material decays while the next starts. The tool is at rest until the arm's first force, and
     returns to its start after a release.
 
     A single-axis accelerometer (z) measures this vibration for any direction of the normal. An

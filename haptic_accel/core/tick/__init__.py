@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names of what runs in every sample, to be imported from here."""
+"""Sections that run in every sample; import their names from here."""
 
 from haptic_accel.core.tick._unit import COMPILED, PLAIN, TICK
 from haptic_accel.core.tick.control import *

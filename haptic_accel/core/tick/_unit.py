@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Choice between the compiled unit of all sections and their plain text."""
+"""Choice between the compiled extension of all sections and their plain Python source."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ COMPILED, PLAIN = "compiled", "plain Python"
 
 
 def _chosen() -> str:
-    """Put the compiled unit in the place of each section if it is of these; return what runs.
+    """Use the compiled extension if it was built from these sources; return the form in use.
 
-    A value of the environment variable HAPTIC_ACCEL_PLAIN keeps to plain Python.
+    Any value of the environment variable HAPTIC_ACCEL_PLAIN selects plain Python.
     """
     name = f"{__package__}._compiled"
     found = importlib.util.find_spec(name)
@@ -29,16 +29,17 @@ def _chosen() -> str:
     try:
         with open(found.origin, "rb") as file:
             head, length = file.read(62).ljust(62), os.fstat(file.fileno()).st_size
-        # Place, size and number of rows of the table at the end of an ELF file (elf(5)).
+        # Offset, entry size and number of entries of the section header table, which is at the end
+        # of an ELF file (elf(5)).
         start, size, count = struct.unpack("=Q10xHH", head[40:])
         if head[:5] == b"\x7fELF\x02" and length < start + size * count:
-            # Loading it would end Python with a bus error.
+            # Loading a truncated file would end Python with a bus error.
             raise ImportError(f"{found.origin}: the end of the file is missing")
         unit = importlib.import_module(name)
         text = b"".join(map(Path.read_bytes, sorted(Path(__file__).parent.glob("[a-z]*.py"))))
         if hashlib.sha256(text).hexdigest() != unit.DIGEST:
             raise ImportError("it is of another version; install haptic_accel again")
-    except Exception as error:  # a file of another processor, or damaged
+    except Exception as error:  # a file for another processor, or damaged
         warn_once(f"plain Python runs in place of the compiled tick: {error}")
         return PLAIN
     sys.modules.update(dict.fromkeys([f"{__package__}.{name}" for name in unit.SECTIONS], unit))

@@ -35,10 +35,10 @@ SLIP_VELOCITY: float = 3e-3
 too uncertain for its sign to be used."""
 
 SETTLED: float = 1e-3
-"""Negligible change of a place in a bank of inverses."""
+"""Negligible change of a position in a bank of inverses."""
 
 DYNAMIC: str = "dynamic"
-"""Name of the controller that may take over another one's force."""
+"""Name of the controller that may replace another one."""
 
 HORIZON: float = 0.05
 """Prediction horizon of the travel, s: a period of the paper's actuator on its spring."""
@@ -51,9 +51,9 @@ contact in the virtual rig is twice the real one.)
 
 PERSISTING: float = 8e-3
 LASTING: float = 16e-3
-"""Time for which an input must have had one sign to be expected to last, and for how long it then
-is, s. A tool that is turned in gravity, or is hit by something soft, needs more travel than its
-past shows, and letting go late does harm; a tool that lands bounces within 8 ms."""
+"""Time for which an input must have kept its sign to be expected to persist, and for how long it
+then is, s. A tool that rotates relative to gravity, or is hit by something soft, needs more travel
+than its past shows, and late attenuation is harmful; a landing tool bounces within 8 ms."""
 
 TRAVEL_SETTLING: float = 0.1
 """Time for which travel persists after its force, s: five times 2 m_a / b_s (Table I)."""
@@ -70,21 +70,22 @@ RELEASE: float = 0.5
 
 EXCURSION_FADING: float = 0.06
 """Duration of the crossfade to other taps, s. Two filters differ most in the force for the slow
-motion of the hand, up to some 3 Hz; a faster change of that force would be felt."""
+motion of the hand, up to some 3 Hz; a faster change of that force would be perceptible."""
 
 BLOCKS: int = 8
 """Number of response lengths in the buffer, so that it is rarely moved."""
 
 BEGINNING: float = 3.0
-"""First place in the bank, 7.5 Hz: while the input's past is not known, motion of the hand at 1 to
-4 Hz must not take the travel."""
+"""Initial position in the bank, 7.5 Hz: while the input's past is unknown, motion of the hand at 1
+to 4 Hz must not use up the travel."""
 
 CREST: float = 1.5
-"""Crest factor, peak over root mean square, that is assumed of any travel: a sine has 1.41."""
+"""Crest factor, peak over root mean square, that is assumed for any travel: a sine has 1.41."""
 
 CREST_MEMORY: float = 0.7
-"""Time constant of that mean square, s: some periods of a hand's motion to and fro. Otherwise low
-frequencies return between two turns of the hand, and the change of the slow force is felt."""
+"""Time constant of that mean square, s: a few periods of a hand's to-and-fro motion. Otherwise low
+frequencies return between two reversals of the hand, and the change of the slow force is
+perceptible."""
 
 
 class SampleFilter:
@@ -101,7 +102,7 @@ class SampleFilter:
 
     def __init__(self, sections: FloatMatrix) -> None:
         rows = [[float(each) for each in row] for row in sections]
-        rows.append([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])  # changes nothing
+        rows.append([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])  # no filtering
         self.b0 = self.b1 = self.b2 = self.a1 = self.a2 = 0.0
         self.d0 = self.d1 = self.d2 = self.c1 = self.c2 = 0.0
         self.b0, self.b1, self.b2, _, self.a1, self.a2 = rows[0]
@@ -119,7 +120,7 @@ class SampleFilter:
         return output
 
     def reset(self) -> None:
-        """Clear the state, as for zero past input."""
+        """Reset the state to that for zero past input."""
         self.first = self.second = self.third = self.fourth = 0.0
 
 
@@ -137,8 +138,9 @@ class SampleWindow:
         Memory of the samples.
     """
 
-    # Filled from the end to the beginning, where the samples still needed move to the end. The
-    # latest samples are thus always contiguous, and each is written once.
+    # The memory is filled from its end to its beginning; then the samples that are still needed
+    # are moved to its end. The latest samples are thus always contiguous, and most are written
+    # once.
 
     def __init__(self, length: int) -> None:
         import numpy as np
@@ -147,7 +149,7 @@ class SampleWindow:
         self.past: FloatArray = np.zeros(2 * length)
 
     def push(self, value: float) -> int:
-        """Add a sample; return its place in the memory, with the older ones behind."""
+        """Add a sample; return its index in the memory, where older samples follow."""
         newest: int = self.newest - 1
         if newest < 0:
             newest = self.length
@@ -194,7 +196,7 @@ class VectorConvolution:
         Output of the last sample.
     """
 
-    # Filled as `SampleWindow`.
+    # Filled like `SampleWindow`.
 
     def __init__(self, taps: FloatArray) -> None:
         import numpy as np
@@ -226,7 +228,7 @@ class VectorConvolution:
         self.z = float(sums[2])
 
     def fill(self, x: float, y: float, z: float) -> None:
-        """Assume a constant past."""
+        """Assume a constant past input."""
         self.past[0::3] = x
         self.past[1::3] = y
         self.past[2::3] = z
@@ -237,8 +239,8 @@ class TravelPredictor:
     """Maximum travel of each member of a bank in the next `HORIZON`.
 
     The prediction assumes that each member has always been in use, and that the input is zero from
-    now on, unless it has had one sign for `PERSISTING`: then the least of that time lasts for
-    `LASTING`. Later travel has a smaller weight (`REVERSION`).
+    now on. If the input has kept its sign for `PERSISTING`, its smallest magnitude in that time is
+    expected to persist for `LASTING` instead. Later travel has a smaller weight (`REVERSION`).
 
     Parameters
     ----------
@@ -248,7 +250,8 @@ class TravelPredictor:
         Samples per second. Above `PREDICTION_RATE` the prediction uses means of several samples.
     """
 
-    # Travels are stored in one row: time first, then member. What one input causes is contiguous.
+    # Travels are stored in one row, by time and then by member: the effect of an input is
+    # contiguous.
 
     def __init__(self, suspension: Suspension, rate: float) -> None:
         import numpy as np
@@ -307,7 +310,7 @@ class TravelPredictor:
         self.latest = [0.0] * len(self.latest)
 
     def observe(self, value: float) -> bool:
-        """Add a sample of the members' input; return whether the prediction has advanced."""
+        """Add a sample of the members' input; return True if the prediction has advanced."""
         self.sum += value
         self.count += 1
         if self.count < self.every:
@@ -377,7 +380,7 @@ class ExcursionControl:
         self.restart(taps)
 
     def replace(self, taps: Any) -> None:
-        """Crossfade to other taps of the members over `FADING`.
+        """Crossfade to other taps of the members over `EXCURSION_FADING`.
 
         The prediction uses the new taps at once. A running crossfade stops at its present mixture.
 
@@ -428,7 +431,7 @@ class ExcursionControl:
         return force
 
     def choose(self) -> None:
-        """Move the target at once to a member of less travel if needed, and back slowly."""
+        """Move the target at once to a member with less travel if needed, and back slowly."""
         needed = self.needed()
         if needed > self.target:
             self.target = needed
@@ -501,7 +504,7 @@ class FrictionCompensation:
         later: float = desired[1]
         before = slip.velocity
         slip.observe(actuator_force, later + self.share * (earlier - later))
-        # Mean over the sample, as the force is held over it.
+        # Mean over the sample, within which the force is constant.
         return -self.friction * math.tanh((before + slip.velocity) / 2 / SLIP_VELOCITY)
 
     def reset(self) -> None:
@@ -511,7 +514,7 @@ class FrictionCompensation:
 
 
 class Force:
-    """Force of one coil for a desired acceleration: what a controller does in each sample."""
+    """Force of one coil for a desired acceleration: a controller's part in each sample."""
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Process a sample of desired and measured handle acceleration; return the force, N."""
@@ -525,12 +528,12 @@ class Force:
 
 
 class ConstantForce(Force):
-    """Force in proportion to the desired acceleration.
+    """Force proportional to the desired acceleration.
 
     Parameters
     ----------
     mass : float
-        kg.
+        Factor, kg.
     """
 
     def __init__(self, mass: float) -> None:
@@ -542,7 +545,7 @@ class ConstantForce(Force):
 
 
 class FilterForce(Force):
-    """Filtered desired acceleration.
+    """Force by a filter of the desired acceleration.
 
     Parameters
     ----------
@@ -558,7 +561,7 @@ class FilterForce(Force):
         return self.filter.process(desired_acceleration)
 
     def reset(self) -> None:
-        """Clear the filter."""
+        """Reset the filter."""
         self.filter.reset()
 
 
@@ -597,12 +600,12 @@ class InverseForce(Force):
 
 
 class AdaptiveForce(InverseForce):
-    """Force of an inverse that learns.
+    """Force of an adaptive inverse.
 
     Attributes
     ----------
     trace : Trace
-        Samples to learn from.
+        Samples for the adaptation.
     sent : float
         Last force that drives the handle, N.
     """
@@ -633,7 +636,7 @@ class FeedbackForce(Force):
     delay : int
         Delay of the reference, in samples.
     fade : float
-        Change of the feedback's share by sample while it fades.
+        Change of the feedback's share per sample while it fades.
     regained : int
         Number of valid samples after which the feedback is faded in again.
 
@@ -666,14 +669,14 @@ class FeedbackForce(Force):
         """Assume a model at rest, and valid handle samples."""
         self.desired = [0.0] * len(self.desired)
         self.gaps = 0
-        # Acceleration of the model at the last tick, latest known measurement, and at the start
-        # gravity and other acceleration, m/s^2.
+        # Acceleration of the model at the last tick, latest known deviation, and first deviation,
+        # which includes gravity, m/s^2.
         self.expected, self.surprise, self.first = 0.0, 0.0, UNKNOWN
-        # Force whose effect is part of the reference, and last remaining force, N.
+        # Force whose effect the reference includes, and remaining part of the last force, N.
         self.known = self.surplus = 0.0
         self.share = 1.0
         self.valid: int = self.regained  # samples without a gap
-        self.distrusted = False  # since the sensor was saturated
+        self.distrusted = False  # True after saturation of the sensor
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the sum of feedforward and feedback force."""
@@ -714,7 +717,7 @@ class FeedbackForce(Force):
         self.surplus = actuator_force - taken - self.known
 
     def reset(self) -> None:
-        """Clear all filters, and assume valid handle samples."""
+        """Reset all filters, and assume valid handle samples."""
         self.feedforward.reset()
         self.high_pass.reset()
         self.model.reset()
@@ -723,16 +726,16 @@ class FeedbackForce(Force):
 
 
 class ForceFraction:
-    """Fraction of the controllers' forces that is used.
+    """Fraction of the controllers' forces in use.
 
-    Its subclass `Authority` decides on it.
+    The subclass `Authority` determines it.
 
     Attributes
     ----------
     used : float
         Factor of the forces.
     left_over : float
-        Least share of a force that the actuator's limits left since the last decision.
+        Smallest fraction that the actuator's limits left of a force since the last update.
     """
 
     traces: list[Trace]
@@ -744,16 +747,17 @@ class ForceFraction:
 class InputReduction:
     """Reduction of the tool's three axes to one.
 
-    Its subclass `ReductionSwitch` decides on it.
+    The subclass `ReductionSwitch` determines it.
 
     Attributes
     ----------
     idle : bool
-        True while the axes remain as they are.
+        True while the axes are not changed.
     reduces : bool
         True if a reduction is in use, or is prepared.
     alone : float
-        Share of the coil along z alone: 1 with a reduction, 0 without, between in a crossfade.
+        Share of driving the coil along z alone: 1 with a reduction, 0 without, between in a
+        crossfade.
     """
 
     def __init__(self) -> None:
@@ -765,25 +769,25 @@ class InputReduction:
 
 
 class Substitution:
-    """Share of a controller's force that is used, and the force of `dynamic` beside it.
+    """Share of a controller's force in use, and the additional force of `dynamic`.
 
-    Its subclass `Fallback` decides on both.
+    The subclass `Fallback` determines both.
 
     Parameters
     ----------
     dynamic : Force
         Controller that may take over.
     step : float
-        Change of the shares by sample in a crossfade.
+        Change of the shares per sample in a crossfade.
     settling : int
         Number of samples after which the filters of `dynamic` have settled.
 
     Attributes
     ----------
     requested : float
-        Force of the last sample that the controller asked for, N.
+        Force that the controller requested at the last sample, N.
     hushed : bool
-        True while no force is to act, whoever takes over.
+        True while the force has to be zero, also that of a substitute.
     """
 
     authority: ForceFraction
@@ -792,15 +796,15 @@ class Substitution:
         self.dynamic: Force = dynamic
         self.step, self.pace, self.settling = step, step, settling
         self.reducible = self.hushed = False
-        self.substitute = ""  # name of what takes over
-        self.share = 1.0  # of the controller's force
+        self.substitute = ""  # name of the substitute
+        self.share = 1.0  # share of the controller's force
         self.gain = 0.0  # share of the force of `dynamic`
-        self.probing = False  # a part of the controller's force beside the substitute
+        self.probing = False  # a part of the controller's force is tried
         self.part = self.requested = 0.0
-        self.running = 0  # number of samples of `dynamic` since it began
+        self.running = 0  # number of samples that `dynamic` has processed
 
     def force(self, desired_acceleration: float, requested: float) -> float:
-        """Return the force to send in place of the controller's force, N."""
+        """Return the force to send instead of the controller's force, N."""
         if self.reducible:
             requested *= self.authority.used
         self.requested = requested
@@ -823,8 +827,9 @@ class Substitution:
 class Stage:
     """Controller with its own high-pass, both started at the same time.
 
-    To a filter with zero state, an earlier constant acceleration is a step. An inverse, which
-    extends the high-pass to far lower frequencies, responds to a step with newtons for seconds.
+    For a filter with zero state, an earlier constant acceleration is a step. An inverse, which
+    extends the high-pass to far lower frequencies, responds to a step with several newtons for
+    seconds.
 
     Parameters
     ----------
@@ -832,7 +837,7 @@ class Stage:
     controller : Force
     high_pass : SampleFilter
     cancels : SampleFilter, optional
-        Filter from the arm's force on the handle to minus the force that cancels it.
+        Filter from the arm's force on the handle to the negated force that cancels it.
 
     Attributes
     ----------
@@ -852,10 +857,11 @@ class Stage:
         self.rest = self.desired = self.own = self.cancelling = 0.0
 
     def process(self, tool: float, measured: float, gain: float, pushed: float) -> float:
-        """Return the controller's force, times the gain.
+        """Return the controller's force, multiplied by the gain.
 
-        The force that cancels a part of the arm's belongs to no desired acceleration: a gain above
-        1 does not increase it. A smaller one reduces it, so that a gain of 0 leaves no force.
+        The force that cancels a part of the arm's is independent of the desired acceleration: a
+        gain above 1 does not increase it. A smaller gain reduces it, so that a gain of 0 leaves no
+        force.
 
         Parameters
         ----------
@@ -877,7 +883,7 @@ class Stage:
         return gain * own + self.cancelling
 
     def applied(self, force: float, gain: float) -> None:
-        """Pass the force that drives the handle to the controller, as for a gain of 1."""
+        """Pass the force that drives the handle to the controller, converted to a gain of 1."""
         self.controller.applied(force / gain if gain != 0.0 else self.own)
 
     def reset(self) -> None:
@@ -890,9 +896,9 @@ class Stage:
 
 
 class CoilChannel:
-    """Force of one coil: its controller, a change to another one, and the gain.
+    """Force of one coil: its controller, the change to another one, and the gain.
 
-    Its subclass `Channel` chooses the controllers.
+    The subclass `Channel` selects the controllers.
 
     Parameters
     ----------
@@ -907,18 +913,19 @@ class CoilChannel:
     gain : float
         Factor of the desired acceleration.
     resting : float
-        Fraction of the mean accelerations that is renewed by sample.
+        Weight of a new sample in the mean accelerations.
     listening, fading : int
-        Number of samples that another controller only receives, and of the crossfade after them.
+        Number of samples that a new controller only receives, and of the following crossfade.
     asleep : bool
-        True in the idle state, also once a force was not finite: filters with an infinite state
+        True in the idle state, and after a force was not finite: filters with an infinite state
         never recover without a reset.
     tool, measured, handle, pushed : float
-        Input of a sample: plausible acceleration of the tool; of the handle along this coil, NaN
-        if missing, infinite if saturated; the last known one for the limits, m/s^2; part of the
-        arm's force on the handle that is to be cancelled, N.
+        Input of a sample: plausible tool acceleration; handle acceleration along this coil, NaN if
+        missing, infinite if saturated; last known handle acceleration, for the limits, m/s^2; part
+        of the arm's force on the handle that is to be cancelled, N.
     desired : float
-        Desired acceleration, m/s^2. The force is the guard's: asked, and allowed within limits.
+        Desired acceleration, m/s^2. The guard holds the force: requested, and allowed within
+        limits.
     withheld : int
         Number of forces that were not computed, or faded in, because the device applied none.
     """
@@ -933,14 +940,14 @@ class CoilChannel:
         self.gain_left = 0  # samples until the gain is reached
         self.listening = self.fading = self.listened = self.withheld = 0
         self.asleep, self.muted = True, False
-        self.share = 1.0  # of the force, after the device applied none
+        self.share = 1.0  # share of the force, after the device applied none
         self.resting, self.rest = 0.0, 0.0  # mean tool acceleration, m/s^2
         self.upright = UNKNOWN  # mean handle acceleration, mostly gravity, m/s^2
         self.tool = self.measured = self.handle = self.pushed = 0.0
         self.desired = 0.0
 
     def request(self) -> None:
-        """Compute desired acceleration and force before the actuator's limits; then `settle`."""
+        """Compute desired acceleration and force before the actuator's limits; see `settle`."""
         if self.gain_left:
             self.gain_left -= 1
             self.gain = self.gain_target - self.gain_left * self.gain_step
@@ -950,9 +957,9 @@ class CoilChannel:
         if math.isfinite(measured):
             upright = measured if math.isnan(self.upright) else self.upright
             self.upright = upright + self.resting * (measured - upright)
-        # Controllers compute the force for a gain of 1, so that a change of the gain is no
-        # excitation for them: its product with the desired acceleration has slow components,
-        # which an inverse follows up to the actuator's stops.
+        # Controllers compute the force for a gain of 1, so that a change of the gain does not
+        # excite them: the product of a changing gain and the desired acceleration has slow
+        # components, which an inverse follows up to the actuator's stops.
         if gain == 0.0 or self.gain_left:
             measured = UNKNOWN
         elif gain != 1.0:
@@ -978,7 +985,7 @@ class CoilChannel:
         self.guard.asked = self.share * force
 
     def crossfaded(self, force: float, measured: float) -> float:
-        """Return the force during a change to the follower, which is active afterwards.
+        """Return the force during a crossfade to the follower, which is active afterwards.
 
         Parameters
         ----------
@@ -1003,12 +1010,13 @@ class CoilChannel:
         """Use another controller from now on."""
 
     def settle(self) -> None:
-        """Finish a sample with the force that is really sent."""
+        """Finish a sample with the force that is finally sent."""
         force = self.guard.allowed
         active: Stage = self.active
         substitution: Substitution = self.substitution
         if active.cancellation is not None:
-            # The handle answers neither to that part of the arm's force nor to what cancels it.
+            # The handle responds neither to that part of the arm's force nor to the force that
+            # cancels it.
             used = substitution.share * substitution.authority.used
             force -= self.share * used * active.cancelling
         active.applied(force, self.gain)
@@ -1020,39 +1028,39 @@ class CoilChannel:
 class HandleCompensation:
     """Desired acceleration of a handle and the forces of its coils, for a sample of the tool.
 
-    Its subclass `Compensation` builds it, and decides on what does not change in every sample.
+    The subclass `Compensation` builds it, and does all work that is not due in every sample.
 
     Parameters
     ----------
     coils : list of CoilChannel
-        One for a coil along z, or three for coils along x, y and z.
+        One coil along z, or three coils along x, y and z.
     sections : ndarray, shape (n, 6)
         High-pass of the desired acceleration of three axes.
     handle_range : float
-        Acceleration below which the handle's accelerometer is not saturated, m/s^2.
+        Maximum acceleration for which the handle's accelerometer is not saturated, m/s^2.
     patience : int
-        Number of equal samples along z in a row, while a force acts, from which on the handle's
-        accelerometer is taken as stuck, and its samples as missing: otherwise a controller learns
-        that the handle does not answer, and pushes with newtons.
+        Number of successive equal samples along z, while a force acts, from which on the handle's
+        accelerometer counts as stuck, and its samples as missing. Otherwise a controller would
+        learn that the handle does not respond, and request several newtons.
 
     Attributes
     ----------
     desired_x, desired_y, desired_z : float
-        Desired acceleration of the last sample: high-passed tool acceleration times the gain; in
-        all axes also with a reduction, if the handle has them, m/s^2.
+        Desired acceleration of the last sample, m/s^2: high-passed tool acceleration times the
+        gain; also with a reduction, in all axes of the handle.
     force_x, force_y, force_z : float
         Force of each coil within its limits, N; always finite.
     count_x, count_y, count_z : float
-        Part of the arm's force on the handle that its encoders' rounding causes, N; due with the
-        coils' forces of the next sample.
+        Part of the arm's force on the handle that is caused by its encoders' rounding, N; due with
+        the coils' forces of the next sample.
     rejected : int
         Number of tool samples with a component in use that was not finite or not plausible; they
-        become zero.
+        count as zero.
     untrusted : int
         Number of handle samples that were missing, or in any component saturated, not finite or
         not plausible.
     due : int
-        Count of samples, see `Trace`, from which `adapt` of the subclass has something to do.
+        Count of samples, see `Trace`, at which `adapt` of the subclass next has something to do.
     """
 
     authority: ForceFraction
@@ -1069,17 +1077,17 @@ class HandleCompensation:
         self.single = len(coils) == 1
         self.high_passes = [SampleFilter(sections) for _ in coils]
         self.handle_range, self.patience = handle_range, patience
-        self.equal = 0  # samples of the handle in a row
-        self.judged_alone = False  # the coil along z, among others
+        self.equal = 0  # number of successive equal samples of the handle
+        self.judged_alone = False  # only the coil along z, of several
         self.desired_x = self.desired_y = self.desired_z = 0.0
         self.force_x = self.force_y = self.force_z = 0.0
         self.count_x = self.count_y = self.count_z = 0.0
         self.rejected = self.untrusted = self.due = 0
-        # The first samples since the start. That of the tool is mostly gravity.
+        # First samples since the start; the tool's is mostly gravity.
         self.has_tool = self.has_handle = False
         self.tool_x = self.tool_y = self.tool_z = 0.0
         self.handle_x = self.handle_y = self.handle_z = 0.0
-        self.has_seen = False  # a trusted sample of the handle
+        self.has_seen = False  # True after a trusted sample of the handle
 
     def compute(
         self, t_x: float, t_y: float, t_z: float, known: bool, h_x: float, h_y: float, h_z: float
@@ -1089,9 +1097,9 @@ class HandleCompensation:
         Parameters
         ----------
         t_x, t_y, t_z : float
-            Measured tool acceleration, m/s^2. If a component in use is not finite or beyond
-            `LARGEST_ACCELERATION`, all count as zero. Otherwise one bad sample could corrupt the
-            filters or keep the actuator at its limit for seconds.
+            Measured tool acceleration, m/s^2. If a component in use is not finite or exceeds
+            `LARGEST_ACCELERATION`, all components count as zero. Otherwise one bad sample could
+            corrupt the filters or keep the actuator at its limit for seconds.
         known : bool
             False if the handle's sample is missing.
         h_x, h_y, h_z : float
@@ -1101,7 +1109,7 @@ class HandleCompensation:
         channel: CoilChannel
         guard: ActuatorGuard
         single: bool = self.single
-        # A tool that has its one axis may send anything along others.
+        # A tool with a single axis may send any values along the others.
         across = is_within(t_x, t_y, 0.0, LARGEST_ACCELERATION)
         if not (across or (single and not self.switch.reduces)) or not (
             math.fabs(t_z) <= LARGEST_ACCELERATION  # also false for NaN
@@ -1153,12 +1161,12 @@ class HandleCompensation:
         """Return to the initial state."""
 
     def wake(self) -> None:
-        """End the idle state of the channels, for a tool that was at rest."""
+        """End the idle state of the channels, for a tool at rest."""
 
     def is_still(
         self, t_x: float, t_y: float, t_z: float, known: bool, h_x: float, h_y: float, h_z: float
     ) -> bool:
-        """Return whether all samples so far are equal; end the idle state if two differ."""
+        """Return True if all samples so far are equal; end the idle state if two differ."""
         if not self.has_tool:
             self.has_tool, self.tool_x, self.tool_y, self.tool_z = True, t_x, t_y, t_z
         if known and not self.has_handle:
@@ -1166,14 +1174,14 @@ class HandleCompensation:
         moved: bool = t_z != self.tool_z
         if not self.single or self.switch.reduces:
             moved = moved or t_x != self.tool_x or t_y != self.tool_y
-        if known and h_x + h_y + h_z == h_x + h_y + h_z:  # nothing is believed of one with a NaN
+        if known and h_x + h_y + h_z == h_x + h_y + h_z:  # a sample with a NaN is ignored
             moved = moved or h_x != self.handle_x or h_y != self.handle_y or h_z != self.handle_z
         if moved:
             self.wake()
         return not moved
 
     def take_handle(self, known: bool, h_x: float, h_y: float, h_z: float) -> None:
-        """Pass a sample of the handle to the channels: decoupled, and the one for the limits."""
+        """Pass a sample of the handle to the channels: decoupled, and unchanged for the limits."""
         z: CoilChannel = self.z
         pushed: bool = self.force_z != 0.0 or self.force_x != 0.0 or self.force_y != 0.0
         self.equal = self.equal + 1 if known and pushed and h_z == z.handle else 0
@@ -1195,10 +1203,10 @@ class HandleCompensation:
         if trusted:
             x.handle, y.handle = h_x, h_y
             if not self.has_seen:
-                # To a decoupling with zero past, gravity is a step.
+                # For a decoupling filter with zero past, gravity is a step.
                 self.has_seen = True
                 seen.fill(h_x, h_y, h_z)
-        # If the handle's acceleration is unknown, it is assumed to be gravity.
+        # If the handle's acceleration is unknown, the last known one is used.
         seen.process(x.handle, y.handle, z.handle)
         x.measured, y.measured, z.measured = doubt, doubt, doubt
         if trusted:
@@ -1230,30 +1238,30 @@ class HandleCompensation:
             self.coils[1].guard.asked *= others
 
     def limit(self) -> None:
-        """Take note that a limit acts, and keep the direction of the force of several coils."""
+        """Record that a limit acts, and keep the direction of the force of several coils."""
         channel: CoilChannel
         asked = allowed = 0.0
         for channel in self.coils:
             channel.trace.limited = channel.trace.count
             asked = max(asked, math.fabs(channel.guard.asked))
             allowed = max(allowed, math.fabs(channel.guard.allowed))
-        if asked != 0.0:  # or a moving coil is braked
+        if asked != 0.0:  # otherwise a moving coil is braked
             self.authority.left_over = min(self.authority.left_over, allowed / asked)
         if not self.single:
             scale_within([each.guard for each in self.coils])
             for channel in self.coils:
-                # Limited again, for a coil that must be braked.
+                # Limit it again, for a coil that must be braked.
                 channel.guard.allowed = channel.guard.within(channel.guard.allowed, channel.handle)
 
     def judge(self) -> None:
-        """Pass the desired motion of the driven coils, and the measured one, to the authority."""
+        """Pass desired and measured motion of the driven coils to the authority."""
         x: Trace = self.authority.traces[0]
         y: Trace = self.authority.traces[1]
         z: Trace = self.authority.traces[2]
         known: bool = math.isfinite(self.z.measured)
         moved: float = self.z.handle if known else UNKNOWN
         if self.judged_alone:
-            # What the coil along z shall cause is its own channel's.
+            # The desired motion of the coil along z is that of its own channel.
             x.push(0.0, 0.0, 0.0, 0.0)
             y.push(0.0, 0.0, 0.0, 0.0)
             z.push(self.z.desired, moved, 0.0, 0.0)
@@ -1264,5 +1272,5 @@ class HandleCompensation:
 
 
 def is_within(x: float, y: float, z: float, most: float) -> bool:
-    """Return whether no component is beyond a limit or NaN."""
+    """Return True if no component exceeds a limit or is NaN."""
     return math.fabs(x) <= most and math.fabs(y) <= most and math.fabs(z) <= most

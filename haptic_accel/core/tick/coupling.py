@@ -27,30 +27,31 @@ STEP_MEMORY: float = 1.0
 """Time constant with which the largest step is forgotten, s: several reversals of a stroke."""
 
 COARSEST: float = 1e-3
-"""Step beyond which a position is no count, but has jumped, m: as for the simulated encoders."""
+"""Step above which a position has jumped, m: such a step is no count of an encoder, not even of
+the simulated ones."""
 
 FINEST: float = 1e-6
 """Step below which a position counts as smooth, m: 0.3 mN through the paper's spring."""
 
 FASTEST: float = 10.0
-"""Speed that no arm reaches, m/s; a hand that leads a handle moves at 1 to 2 m/s."""
+"""Speed that no arm reaches, m/s; a hand that guides a handle moves at 1 to 2 m/s."""
 
 HELD: float = 5e-3
 """Time for which a device may repeat a position, s: an arm with 200 positions a second."""
 
 REFUSED = "{}: position {:.4g}, {:.4g}, {:.4g} m: refused, as it is {:.3g} m from the one before"
-"""Reason to refuse a position that is not finite, or where no arm can be."""
+"""Reason to reject a position that is not finite, or that an arm cannot have reached."""
 
 
 class CountObserver:
     """Estimate an arm's position between the counts of its encoders, from its velocity.
 
-    The estimate moves with the velocity and returns to the measured position in
-    `CORRECTION_TIME`. It is never farther from it than the largest recent step between two samples
-    that the velocity does not explain: a count for rounded positions, and nothing for smooth ones.
-    So neither resolution nor geometry of the encoders must be known. After a jump the estimate
-    starts anew. Where the velocity is late, the estimate is late by less; without velocity it is
-    the measured position.
+    The estimate moves with the velocity and returns to the measured position in `CORRECTION_TIME`.
+    It differs from that position by at most the largest recent step between two samples that the
+    velocity does not explain: a count for rounded positions, and nothing for smooth ones.
+    Therefore neither resolution nor geometry of the encoders must be known. After a jump the
+    estimate restarts. If the velocity is delayed, the estimate has a smaller delay; without
+    velocity it is the measured position.
 
     Parameters
     ----------
@@ -81,7 +82,7 @@ class CountObserver:
         self.x = self.y = self.z = 0.0
 
     def restart(self) -> None:
-        """Forget the motion and the steps."""
+        """Discard the motion and the steps."""
         self._is_known = False
         self._s_x = self._s_y = self._s_z = 0.0
         self.x = self.y = self.z = 0.0
@@ -103,7 +104,7 @@ class CountObserver:
             -COARSEST < step_x < COARSEST
             and -COARSEST < step_y < COARSEST
             and -COARSEST < step_z < COARSEST
-        ):  # or no number
+        ):  # or NaN
             self.restart()
             return
         largest, size = kept * self._s_x, math.fabs(step_x)
@@ -128,7 +129,7 @@ class PairCoupling:
     engaged : bool
         True while the arms are coupled.
     stiffness, scale : float
-        Stiffness felt at the master, N/m, and slave motion per master motion.
+        Effective stiffness at the master, N/m, and slave motion per master motion.
     m_x, m_y, m_z, s_x, s_y, s_z : float
         Newest forces on master and slave, N.
     """
@@ -143,7 +144,7 @@ class PairCoupling:
         self.engaged = True
 
     def disengage(self) -> None:
-        """Uncouple: forces are zero until the next `engage`."""
+        """Uncouple the arms: forces are zero until the next `engage`."""
         self.engaged = False
 
     def couple(self, master: ArmSample, slave: ArmSample) -> None:
@@ -165,7 +166,7 @@ class PositionPositionCoupling(PairCoupling):
     """A spring, and optionally a damper, between the motions of master and slave.
 
     The positions at engagement are the reference positions of both arms. Engagement therefore
-    gives zero force at any position. Every force is zero until `engage` is called.
+    causes no force at any position. Every force is zero until `engage` is called.
 
     Parameters
     ----------
@@ -264,22 +265,22 @@ def _gains(p: Any) -> tuple[float, ...]:
 
 
 class ArmWatch:
-    """Plausibility of an arm's positions, and their silence.
+    """Monitor of an arm's positions: their plausibility, and interruptions.
 
     Parameters
     ----------
     arm : str
     timeout : float
-        Longest time between two positions, s, that does not end the engagement.
+        Maximum time between two positions, s, that does not end the engagement.
 
     Attributes
     ----------
     received : float
         Time of the newest usable position, s.
     interrupted : str
-        Silence or jump that ends the engagement; empty for none.
+        Interruption or jump that ends the engagement; empty if there is none.
     refusal : str
-        Reason why the newest position is refused; empty if it is not.
+        Reason why the newest position is rejected; empty if it is accepted.
     refused : int
         Number of positions that are not finite, or farther than an arm can have moved.
     """
@@ -294,18 +295,19 @@ class ArmWatch:
         self._x = self._y = self._z = 0.0
 
     def take(self, now: float, sample: ArmSample) -> bool:
-        """Record an arm's position at a time in s, and return whether it is usable.
+        """Record an arm's position at a time in s; return True if it is usable.
 
-        A silence before it ends the engagement, as a process that stood still finds the next
-        positions before it looks for missing ones. A position farther than an arm can move ends
-        it, too; those that follow it are compared with it. One that is not finite is missing.
+        An interruption before it ends the engagement: after a process was stopped, it receives the
+        next positions before it checks for missing ones. A position farther away than an arm can
+        move ends the engagement, too; the following positions are compared with it. A position
+        that is not finite counts as missing.
         """
         x, y, z = sample.x, sample.y, sample.z
         span = (sample.stamp - self._stamp) * 1e-9
         span = span if span > HELD else HELD
         d_x, d_y, d_z = x - self._x, y - self._y, z - self._z
         if not self._is_known:
-            span, d_x, d_y, d_z = HELD, x - x, y - y, z - z  # zero, or no number
+            span, d_x, d_y, d_z = HELD, x - x, y - y, z - z  # zero, or NaN
         way = math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z)
         if not way <= FASTEST * span:  # or not finite
             reason = REFUSED.format(self.arm, x, y, z, way)
@@ -332,9 +334,9 @@ class CoupledForces:
     m_stamp, m_x, m_y, m_z : int, float
         Stamp of the slave's sample, ns, and the force on the master that it causes, N.
     s_stamp, s_x, s_y, s_z : int, float
-        The same for the master's sample and the slave.
+        The same for the slave, and the master's sample that causes its force.
     on_master, on_slave : bool
-        Whether there is a force on the arm.
+        True if there is a force on the arm.
     """
 
     def __init__(self) -> None:
@@ -359,12 +361,12 @@ class ArmCoupling:
     engagement : Engagement
         Engagement of this host's arms.
     count_x, count_y, count_z : float
-        Part of the newest force on the master that the encoders' rounding causes, N.
+        Part of the newest force on the master that is caused by the encoders' rounding, N.
     passes_tools : bool
-        True if the compensation gets the samples of this host's tool at once.
+        True if the compensation receives the samples of this host's tool at once.
     forces : list of CoupledForces
-        Forces that were computed since the list was cleared, when their objects are used again;
-        the loop has passed on the first `passed` to the devices.
+        Forces that were computed since the list was cleared, when their objects are reused; the
+        loop has passed on the first `passed` to the devices.
     """
 
     def __init__(self, engagement: Any) -> None:
@@ -375,7 +377,7 @@ class ArmCoupling:
         self.passed = 0
 
     def begin(self, now: float, stamp: int) -> ArmSample | None:
-        """Begin a tick with a time in s and a stamp in ns; return a tool's sample to be felt."""
+        """Begin a tick at a time, s, and stamp, ns; return the tool sample to reproduce."""
         return None
 
     def put(self, sample: ArmSample, now: float) -> None:
@@ -385,11 +387,11 @@ class ArmCoupling:
         """Add a sample of this host's tool."""
 
     def is_due(self, now: float) -> bool:
-        """Return whether the next `poll` is due."""
+        """Return True if the next `poll` is due."""
         return bool(self.engagement.due(now))
 
     def poll(self, now: float, listeners: int) -> Any:
-        """Engage or release the arms if due; arguments as for `Engagement.missing`."""
+        """Engage or release the arms if due; see `Engagement.missing` for the arguments."""
         raise NotImplementedError
 
     def couple(self) -> None:
@@ -409,7 +411,8 @@ class CouplingPart(ArmCoupling):
     longest : int
         Maximum number of waiting samples of an arm.
     counted : bool
-        True if the compensation in this process uses the count force, which is zero otherwise.
+        True if the compensation in this process uses the force due to rounding, which is otherwise
+        zero.
 
     Attributes
     ----------
@@ -445,19 +448,19 @@ class CouplingPart(ArmCoupling):
         return self._coupling.engaged
 
     def put(self, sample: ArmSample, now: float) -> None:
-        """Add a sample of the arm that it names, at a time in s."""
+        """Add a sample of the arm that it specifies, at a time in s."""
         (self._slave_watch if sample.arm else self._master_watch).take(now, sample)
         self.pairing.put(sample)
 
     def is_due(self, now: float) -> bool:
-        """Return whether the next `poll` is due."""
+        """Return True if the next `poll` is due."""
         master, slave = self._master_watch, self._slave_watch
         return now >= self._due or bool(master.interrupted or slave.interrupted)
 
     def poll(self, now: float, listeners: int) -> Any:
         """Couple the arms at their next samples, or uncouple them, if this is due.
 
-        Arguments as for `Engagement.missing`.
+        See `Engagement.missing` for the arguments.
         """
         decision = self.engagement.decide(now, listeners)
         self._due = now + STEP_PERIOD

@@ -1,12 +1,12 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One device behind its safety layer: its samples, its due forces and the end of forces.
+"""One device with its safety layer: samples, due forces, and the end of forces.
 
 A force is due a whole number of samples after the sample that caused it. A controller can invert a
 constant delay of a plant, but not a varying delay. The machine's monotonic clock decides whether a
-force was in time. Pauses of the sending and of the applying process both count, as a hand feels
-them alike.
+force was in time. Pauses of the sending and of the applying process both count, as their effect on
+a hand is the same.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ ARM, ACTUATOR = "arm_force", "actuator_force"
 NANOSECOND: float = 1e-9
 
 OLDEST: float = MAX_AGE
-"""Age of a sample beyond which no force is put into the order of its ticks, s."""
+"""Age of a sample above which its force is not sorted into the order of ticks, s."""
 
 IN_TIME: float = 0.25
 """Maximum delay of a force beyond its due time that counts as in time, in periods.
@@ -43,10 +43,10 @@ waking, sampling and writing: 0.16 periods at 1 kHz (median, five processes on t
 """
 
 MISSED_SHARE: float = 0.001
-"""Maximum fraction of missed deadlines for a rate that counts as kept."""
+"""Maximum fraction of missed deadlines for a rate that counts as sustained."""
 
 STRAGGLING: int = 20
-"""Maximum number of samples by which a force may be overtaken."""
+"""Maximum number of samples by which newer forces may overtake a force."""
 
 PAST_TICK, LONGEST, LATE_TIME = "past their tick", "longest lateness (us)", "late (s)"
 """Suffixes of counts in diagnostics, after the kind of force."""
@@ -55,13 +55,14 @@ SAMPLE_TIMEOUT: float = 0.02
 """Time after which a missing sample counts as lost, s."""
 
 FLOWING: int = 5
-"""Number of ticks without a command after which no command is expected."""
+"""Number of ticks without a command after which none is expected."""
 
 MEMORY: float = 0.3
-"""Time for which a sample stays unchanged, s: longer than others wait for it, and than a frame."""
+"""Time after which the object of a sample is reused, s: longer than others wait for a sample, and
+longer than a frame."""
 
 NO_TICK: int = -(1 << 60)
-"""Number of a tick before all others."""
+"""Number that precedes those of all ticks."""
 
 
 class DueForces:
@@ -76,13 +77,13 @@ class DueForces:
     period : float
         Period of the grid, s; point 0 is at 0 s of the monotonic clock.
     ahead : bool
-        The device accepts forces before they are due.
+        True if the device accepts forces before they are due.
 
     Attributes
     ----------
     due, missed, past_tick : int
-        Numbers of forces: with a due time; in effect later than `IN_TIME` allows; received after
-        their tick.
+        Numbers of forces: with a due time; that took effect later than `IN_TIME` allows; received
+        after their tick.
     longest : float
         Maximum delay of a force beyond its due time, s.
     late_time : float
@@ -96,7 +97,7 @@ class DueForces:
     is_clocked : bool
         True if a clock of the device applies the forces that it accepts before they are due.
     late_before : int
-        Number of forces that the device had applied late before counting began.
+        Number of forces that the device had already applied late when counting started.
 
     Examples
     --------
@@ -156,7 +157,7 @@ class DueForces:
     def pass_on(self, stamp: int, x: float, y: float, z: float) -> None:
         """Pass an outdated force to the next `pop`, so that the safety layer rejects it.
 
-        A stored force from the future would be in time later.
+        A stored force with a stamp in the future would be applied later as if it were in time.
         """
         self.is_outdated = True
         self.stamp, self.x, self.y, self.z = stamp, x, y, z
@@ -164,7 +165,7 @@ class DueForces:
     def pop(self, tick: int, ahead: bool = False) -> bool:
         """Take the newest force that is due at a tick or earlier; return False if there is none.
 
-        An outdated force is taken only if no other is due. `ahead` means that the tick has not
+        An outdated force is taken only if no other is due. `ahead` is true if the tick has not
         been executed yet.
         """
         if not ahead:
@@ -178,7 +179,7 @@ class DueForces:
             if due > tick:
                 break
             self.spare.append(waiting.pop(0))
-            # The last one of two for the same tick is taken.
+            # Of two forces for the same tick, the last one is taken.
             if due != self.last:
                 self.last = due
                 self.taken.append(due)
@@ -189,8 +190,8 @@ class DueForces:
     def took_effect(self, now: float, is_written: bool = False) -> None:
         """Record the monotonic time in s at which the last forces took effect or were skipped.
 
-        The age of one that was written to the device counts. Forces taken ahead count as in time
-        if the device's clock applies them.
+        If a force was written to the device, its age is counted. Forces taken ahead count as in
+        time if the device's clock applies them.
         """
         if is_written:
             self.age.add(now - self.stamp * NANOSECOND)
@@ -205,14 +206,14 @@ class DueForces:
                 self.longest = lateness
             if lateness > self.tolerance:
                 self.missed += 1
-                # Time in which several forces waited counts once.
+                # Time in which several forces were late counts once.
                 since = time if time > self.late_until else self.late_until
                 if now > since:
                     self.late_time += now - since
                 self.late_until = now
 
     def is_missing(self, tick: int) -> bool:
-        """Return whether commands arrive, but the command needed after a tick is missing."""
+        """Return True if commands arrive, but the command needed after a tick is missing."""
         needed = tick - self.lag
         return needed - FLOWING <= self.newest < needed
 
@@ -222,7 +223,7 @@ class DueForces:
         self.is_outdated = False
 
     def count_anew(self, late: int = 0) -> None:
-        """Reset the counts to zero; the device has applied so many forces late until now."""
+        """Reset the counts; the device has applied `late` forces late so far."""
         self.due = self.missed = self.past_tick = 0
         self.longest = self.late_time = 0.0
         self.age.reset()
@@ -260,12 +261,12 @@ class DeviceSide:
     ahead : collection of str
         Kinds that the device accepts before they are due.
     framed : bool
-        The device accepts all forces before they are due. A kind that is not in `ahead` has no
-        clock of the device: a force that is overdue takes effect when it is given.
+        True if the device accepts all forces before they are due. The device has no clock for a
+        kind that is not in `ahead`: an overdue force takes effect when it is written.
     counted : collection of str, optional
-        Kinds that the device applies, whose ages and deadlines count; default: all.
+        Kinds that the device applies, whose ages and deadlines are counted; default: all.
     servo : PositionServo, optional
-        Position control of the arm; replaces commands while it has a set-point.
+        Position controller of the arm; replaces commands while it has a set-point.
     receive : callable
         Called before forces are applied, to pass received forces to `command`.
 
@@ -284,7 +285,7 @@ class DeviceSide:
     unread : int
         Number of ticks without a sample.
     wants_contact : bool
-        True if samples need the force of the surface on the tool.
+        True if samples must include the force of the surface on the tool.
     sampling : bool
         True while the device is open; the caller sets it to false when closing the device.
 
@@ -350,7 +351,7 @@ class DeviceSide:
     def start(self, device: Any) -> None:
         """Restart with a device that has just been opened."""
         self.device, self.sampling = device, True
-        # A simulated device is called without tuples, and writes to the samples what it measures.
+        # A simulated device is called without tuples, and writes its readings to the samples.
         self.motion = getattr(device, "flat", None)
         self.ring, self.used = [], 0
         self.waiting.clear()
@@ -358,7 +359,7 @@ class DeviceSide:
         self.work.unknown = before.unknown
 
     def begin(self, tick: int) -> None:
-        """Begin a tick, whose sample is due."""
+        """Begin a tick, at which a sample is due."""
         self.tick, self.time = tick, tick / self.rate
         self.waiting.append(tick)
 
@@ -394,7 +395,7 @@ class DeviceSide:
             self.used = used + 1 if used < self.last else 0
             sample.arm, sample.tick = self.index, tick
             sample.stamp = math.floor(tick * 1e9 / self.rate + 0.5)
-            # None otherwise: the object had another sample before.
+            # Otherwise None, as the reused object may hold the force of an older sample.
             sample.contact = self.device.contact_force if self.wants_contact else None
             self.newest, self.is_measured = sample, True
             if self.servo is not None and self.servo.set_point:
@@ -404,7 +405,7 @@ class DeviceSide:
 
     @property
     def unlocated(self) -> int:
-        """Number of samples whose position is not finite: they cause no force of the arm."""
+        """Number of samples whose position is not finite; they cause no arm force."""
         return self.work.unknown
 
     @property
@@ -424,7 +425,7 @@ class DeviceSide:
         self.take(kind == ARM, math.floor(moment + 0.5), x, y, z)
 
     def take(self, is_arm: bool, stamp: int, x: float, y: float, z: float) -> None:
-        """Add a force of the arm, or of the actuator, N, as `command` does."""
+        """Add a force of the arm or the actuator, N, like `command`."""
         forces = self.arm if is_arm else self.actuator
         if forces is None:
             return
@@ -461,10 +462,10 @@ class DeviceSide:
         self.write_due(time, self.tick, self.is_arm_at_tick, self.is_coil_at_tick)
 
     def watch(self) -> None:
-        """End forces without a new command for too long; call once per tick after `apply`."""
+        """End forces whose commands have stopped; call once per tick after `apply`."""
         time = self.time
         begun: float = time if self.clock is None else self.clock()
-        # For the safety layer, whose time never decreases.
+        # For the safety layer, whose time must never decrease.
         earlier, now = time if time < begun else begun, self.now
         if earlier > now:
             self.now = now = earlier
@@ -497,7 +498,7 @@ class DeviceSide:
     def write_due(self, time: float, tick: int, is_arm: bool, is_actuator: bool) -> None:
         """Write the newest forces due at a tick, limited by the safety layer."""
         begun: float = self.time if self.clock is None else self.clock()
-        # For the safety layer, whose time never decreases.
+        # For the safety layer, whose time must never decrease.
         earlier, now = time if time < begun else begun, self.now
         if earlier > now:
             self.now = now = earlier
@@ -523,9 +524,10 @@ class DeviceSide:
             actuator.took_effect(done, writes_actuator and is_aged)
 
     def write(self, time: float, judged: float, writes_arm: bool, writes_actuator: bool) -> None:
-        """Write the forces that the safety layer holds since a clock time, s.
+        """Write the forces that the safety layer allowed at a clock time, s.
 
-        No force if the process was stopped since (SIGSTOP) for longer than samples are waited for.
+        Write zero forces if the process was stopped since then (SIGSTOP) for longer than a sample
+        is awaited.
         """
         coils, motion = self.actuator_limit, self.motion
         m_x = m_y = m_z = f_x = f_y = f_z = 0.0
@@ -578,7 +580,7 @@ class DeviceSide:
         return values
 
     def missed(self, kind: str) -> int:
-        """Return the number of forces that took effect late, here or at the device."""
+        """Return the number of forces that took effect late, here or in the device."""
         forces = self.forces[kind]
         there = self.device.late - forces.late_before if forces.ahead else 0
         return forces.missed + max(0, there)

@@ -29,7 +29,7 @@ WARM: float = 0.1
 
 CUSHION_SPEED: float = 120.0
 """Rate constant with which the approach to the cushion's end begins, 1/s. Early braking shakes the
-handle less: with 400 alone by up to 16 m/s^2 after hard hits."""
+handle less; with a constant of 400 it is shaken by up to 16 m/s^2 after hard hits."""
 
 CUSHION_SPEED_SHARE: float = 0.4
 """Upper bound of `CUSHION_SPEED` as a fraction of the sampling rate; faster braking would
@@ -40,8 +40,9 @@ ACTUATOR_SETTLING: float = 0.1
 2 m_a / b_s of Table I."""
 
 CUSHION_AHEAD: float = 3.5
-"""Look-ahead for the cushion, ms, or in samples if longer: braking must begin before the cushion
-is reached. With a shorter one the actuator of the paper comes near its stop after hard hits."""
+"""Look-ahead for the cushion, ms, or in samples if longer: braking must begin before the
+cushion is reached. With a shorter one the actuator of the paper comes close to its stop after
+hard hits."""
 
 HARD = 0.95, 1.0, 0.9, 400.0, 1.5
 """`CUSHION`, `CUSHION_END`, `WARM`, `CUSHION_SPEED`, `CUSHION_AHEAD` of a device's safety layer.
@@ -57,9 +58,10 @@ LEAST_COOLING: float = 2.2250738585072014e-308
 class TravelEstimator:
     """Estimate the actuator's position between its stops from available signals.
 
-    Eq. (1) of the paper for the relative motion d = y_a - y_h, m_a d'' + b_s d' + k_s d = -f_a -
-    m_a a_h, which does not depend on the hand. The discretisation is exact for inputs held over
-    each sample. As the accelerometer also measures gravity, the estimate includes the static sag.
+    The model is eq. (1) of the paper for the relative motion d = y_a - y_h, m_a d'' + b_s d' + k_s
+    d = -f_a - m_a a_h, which does not depend on the hand. The discretisation is exact for inputs
+    that are constant within each sample. As the accelerometer also measures gravity, the estimate
+    includes the static sag.
 
     Parameters
     ----------
@@ -93,7 +95,8 @@ class TravelEstimator:
         generator = np.array([[0, 1, 0], [-k_s / m_a, -b_s / m_a, 1], [0, 0, 0]]) / rate
         d_row, v_row, _ = expm(generator).tolist()
         self._m_a: float = m_a
-        # Displacement and velocity at the next sample, by those now and the push in between.
+        # Displacement and velocity at the next sample, from the present ones and the push in
+        # between.
         self._d_by_d = self._d_by_v = self._d_by_push = 0.0
         self._v_by_d = self._v_by_v = self._v_by_push = 0.0
         self._d_by_d, self._d_by_v, self._d_by_push = d_row
@@ -124,12 +127,12 @@ class TravelEstimator:
         return travel
 
     def reset(self) -> None:
-        """Reset to the middle, at rest."""
+        """Reset to rest in the middle of the travel."""
         self.travel = self.velocity = 0.0
 
 
 class ActuatorGuard(TravelEstimator):
-    """Limits force, heat and travel of the actuator.
+    """Limit force, heat and travel of the actuator.
 
     Heat is the square of the force averaged over the coil's time constant. The permitted force
     falls from the peak to the continuous force as the coil warms up. Heat thus never exceeds the
@@ -156,10 +159,10 @@ class ActuatorGuard(TravelEstimator):
     heat : float
         Mean square of the force over the coil's time constant, N^2.
     asked, allowed : float
-        Force requested of this coil of several, and what is allowed in its place, N; see
+        Force requested of this coil, and force allowed instead, N; with several coils see
         `scale_within`.
     saturated, heated, cushioned : int
-        Numbers of samples limited for peak force, for heat and for travel.
+        Numbers of samples limited by peak force, by heat and by travel.
     """
 
     def __init__(
@@ -184,7 +187,8 @@ class ActuatorGuard(TravelEstimator):
         self._soft: float = cushion * actuator.travel
         self._end: float = cushion_end * actuator.travel
         self._cool: float = 1.0 - warm
-        # Below this heat the peak force is allowed, as in `bearable_force`, whatever the rounding.
+        # Below this heat the peak force is allowed, as in `bearable_force`, regardless of
+        # rounding.
         staying = max(1.0 - self._warming, LEAST_COOLING)
         lasting = (self._bearable - self._warming * peak * peak) / staying
         self._cold: float = (1.0 - 1e-9) * min(warm * self._bearable, lasting)
@@ -240,20 +244,21 @@ class ActuatorGuard(TravelEstimator):
         return min(peak, math.sqrt(min(allowed, most)))
 
     def braking_force(self, force: float, handle_acceleration: float) -> float:
-        """Return the force, or the braking force for the stop ahead if larger, N."""
+        """Return the force, or the force that brakes before the stop ahead if larger, N."""
         ahead = self.travel + self.velocity * self._ahead
-        # Outward is positive, except for the force: a positive one pulls the actuator to the
-        # handle.
+        # Outward is positive, except for the force: a positive force pulls the actuator towards
+        # the handle.
         side = math.copysign(1.0, ahead)
         d = side * self.travel
         v = side * self.velocity
-        # Maximum outward acceleration: of a critically damped approach, or, where that comes too
-        # late, of an even deceleration.
+        # Maximum outward acceleration: that of a critically damped approach or, if this comes too
+        # late, of a constant deceleration.
         way = self._end - d
         speed = self._speed
         left = speed * speed * way - 2.0 * speed * v
         if v > speed * way:
-            # At most as in one sample; then there is some way to divide by.
+            # At most the deceleration to rest within one sample, which also avoids a division by
+            # zero.
             left = min(left, -0.5 * v * (v / way if v < self._fastest * way else self._fastest))
         braking = -self._m_a * (left + side * handle_acceleration)
         braking -= self._k_s * d + self._b_s * max(0.0, v)
@@ -298,8 +303,8 @@ class Coil(ActuatorGuard):
         self._impulse = self._heating = 0.0
 
     def tick(self, now: float, known: bool, handle_acceleration: float) -> None:
-        """Pass the forces since the last tick to the guard, even after a long pause."""
-        # False for NaN, too.
+        """Update the guard with the forces since the last tick, even after a long pause."""
+        # Also false for NaN.
         if known and -LARGEST_ACCELERATION <= handle_acceleration <= LARGEST_ACCELERATION:
             self.acceleration = handle_acceleration
         self.hold(now, self.held)
@@ -336,9 +341,10 @@ class Coil(ActuatorGuard):
 def scale_within(guards: list[ActuatorGuard]) -> None:
     """Scale the force on several coils as a whole to what their guards allow.
 
-    The force `asked` of each coil, and what its guard allows in place of it, `allowed`, become the
-    scaled force, again in `allowed`. A guard that asks for more force, in order to brake, does not
-    limit the others; one that asks for the opposite allows none.
+    The requested force of each coil, `asked`, and the force that its guard allows, `allowed`,
+    result in the scaled force, which replaces `allowed`. A guard that requests a larger force, in
+    order to brake, does not limit the others. If a guard requests the opposite direction, all
+    forces are zero.
     """
     share = 1.0
     last: ActuatorGuard | None = None
@@ -350,5 +356,5 @@ def scale_within(guards: list[ActuatorGuard]) -> None:
     for guard in guards:
         if share <= 0.0:
             guard.allowed = 0.0
-        elif guard is not last:  # which has exactly what its guard allows, without rounding
+        elif guard is not last:  # the last one has its guard's force, without rounding
             guard.allowed = guard.asked if last is None else share * guard.asked

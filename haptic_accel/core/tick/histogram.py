@@ -61,7 +61,7 @@ class DurationHistogram:
         Raises
         ------
         ValueError
-            NaN.
+            The duration is NaN.
         """
         if SHORTEST <= seconds < _HIGHEST_EDGE:
             index: int = int(math.log(seconds) * _BINS_PER_NEPER + _OFFSET)

@@ -1,12 +1,13 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Functions of arrays for every sample, with an order of sums that is the same on all machines.
+"""Array functions for every sample, with the same order of summation on all machines.
 
-A library for linear algebra chooses its order by the processor. Here sums along memory are
-pairwise, as numpy's: eight sums of every eighth value in blocks of at most 128, the blocks in
-halves. Sums of rows are in the order of the rows. Buffers for products are given, so that nothing
-is allocated, and their content has no meaning. Compiled, `kernels.pyx` takes this file's place.
+A linear algebra library chooses its order by the processor. Here sums along memory are pairwise,
+as in numpy: eight sums of every eighth value in blocks of at most 128, and a binary tree of the
+blocks. Sums of rows are in the order of the rows. The caller provides buffers for products, so
+that nothing is allocated; their content has no meaning. In the compiled form, `kernels.pyx`
+replaces this file.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ _largest: Any = np.maximum.reduce
 
 
 def dot(taps: FloatArray, past: FloatArray, start: int, products: FloatArray) -> float:
-    """Return the sum of taps times the same number of values from a start; pairwise."""
+    """Return the sum of taps times as many values from a start index; pairwise."""
     return float(_sum(_multiply(taps, past[start : start + len(taps)], products)))
 
 
@@ -50,7 +51,7 @@ def dots(
 def product(
     rows: FloatMatrix, first: int, factors: FloatMatrix, products: FloatMatrix, sums: FloatArray
 ) -> None:
-    """Write the sum of rows times factors to `sums`; in the order of the rows.
+    """Write the sum of rows times factors to `sums`, in the order of the rows.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def product(
 def add_scaled(
     rows: FloatMatrix, row: int, factor: float, sums: FloatArray, start: int, products: FloatArray
 ) -> None:
-    """Add a factor times one row of a matrix to as many of the sums from a start."""
+    """Add one row of a matrix, times a factor, to as many sums from a start index."""
     seen = sums[start : start + len(products)]
     np.add(seen, _multiply(rows[row], factor, products), seen)
 
@@ -86,7 +87,7 @@ def peak(
     Parameters
     ----------
     ahead, held : ndarray
-        Every `step`-th value is taken, of `ahead` from `start`.
+        Every `step`-th value is used, in `ahead` from `start` on.
     kept : ndarray, shape (n,)
     """
     seen = ahead[start : start + step * len(kept) : step]

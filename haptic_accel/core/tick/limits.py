@@ -32,10 +32,10 @@ NOT_YET: float = -1e300
 """Time before every command, s."""
 
 HELD_FORCE: str = "held (N)"
-"""Present force in diagnostics, after the name of its command."""
+"""Name of the present force in diagnostics, after the name of its command."""
 
 LAST_FORCE: str = "last given (N)"
-"""The same of a faulty device: the force that it was last given, applied or not."""
+"""The same for a faulty device: the force that it received last, applied or not."""
 
 STILL_MISSING: str = "still missing"
 """Warning for commands that stopped before the last report and are still missing."""
@@ -48,7 +48,7 @@ NOT_ACTIVE: str = "not active"
 
 
 class ForceLimit:
-    """Limit of one force of a device: checks of its commands, and the force that it holds.
+    """Limit of one force of a device, with checks of its commands; it holds the present force.
 
     Its watchdog detects missing and outdated commands. A sender's last command is zero; no
     commands are expected afterwards.
@@ -60,7 +60,7 @@ class ForceLimit:
     rate : float
         Ticks per second, Hz.
     manual : bool
-        True if only `SafetyLayer.arm` accepts commands again after a fault of their sender.
+        True if only `SafetyLayer.arm` enables commands again after a fault of their sender.
 
     Attributes
     ----------
@@ -71,8 +71,8 @@ class ForceLimit:
     contested : str
         Reason why commands of several senders are rejected; empty for a single sender.
     tripped : str
-        Reason for zero force: missing or outdated commands. Empty after the next valid one, and
-        with manual recovery after `SafetyLayer.arm`.
+        Reason for zero force: missing or outdated commands. Empty after the next valid one or,
+        with manual recovery, after `SafetyLayer.arm`.
     timeouts : int
         Number of interruptions of the commands.
     outdated : int
@@ -102,7 +102,7 @@ class ForceLimit:
         self.refused = True
         self.contested: str = ""
         self.timeouts = self.outdated = self.rejected = self.slewed = 0
-        # What has been logged and reported.
+        # Faults that have been logged and reported.
         self._logged = self._told = False
         self._before: str = ""
         self._reported: dict[str, int] = {}
@@ -113,7 +113,7 @@ class ForceLimit:
         """Hold the force of a command, unless its sample is outdated or its sender not trusted.
 
         The force may grow, in its direction, from the present one by what the slew rate allows
-        within a period. A tick's time may precede the time of a request processed meanwhile.
+        within a period. The time of a tick may precede that of a request processed meanwhile.
         """
         if self.contested:
             self.rest()
@@ -156,7 +156,7 @@ class ForceLimit:
         return True
 
     def trip(self, now: float, reason: str) -> None:
-        """Note a fault of the sender, and expect no command until the next one."""
+        """Record a fault of the sender, and expect no command until the next one."""
         if not self.tripped:
             self.tripped = reason
             self._tripped_at = now
@@ -175,7 +175,7 @@ class ForceLimit:
         self.x = self.y = self.z = 0.0
 
     def rest(self) -> None:
-        """Treat missing commands as no fault; manual recovery remains to be done."""
+        """Do not count missing commands as a fault; manual recovery is still required."""
         self._expecting = False
         if not self._manual:
             self.tripped = ""
@@ -187,9 +187,9 @@ class ForceLimit:
         return self._manual and self.tripped != ""
 
     def news(self, now: float) -> str:
-        """Return a line for the log, once; otherwise empty."""
+        """Return a log line, each event once; otherwise empty."""
         news = self._fault_news(now)
-        # Senders' names are known later than their number.
+        # The senders' names become known later than their number.
         settled, self._before = self.contested == self._before, self.contested
         if settled and bool(self.contested) != self._told:
             self._told = bool(self.contested)
@@ -248,7 +248,7 @@ class ArmLimit(ForceLimit):
         self.limited = 0
 
     def command(self, now: float, age: float, x: float, y: float, z: float) -> bool:
-        """Apply a command; return True if the device must be given `x`, `y` and `z`.
+        """Apply a command; return True if the device must receive `x`, `y` and `z`.
 
         Parameters
         ----------
@@ -300,7 +300,7 @@ class ActuatorLimit(ForceLimit):
         self._has_z: bool = 2 in axes.indices
 
     def command(self, now: float, age: float, x: float, y: float, z: float) -> bool:
-        """Apply a command as `ArmLimit.command` does; components without a coil are zero."""
+        """Apply a command like `ArmLimit.command`; components without a coil are zero."""
         if self.refused:
             return False
         x, y, z = x if self._has_x else 0.0, y if self._has_y else 0.0, z if self._has_z else 0.0
@@ -336,9 +336,9 @@ class ActuatorLimit(ForceLimit):
         return True
 
     def reduce(self) -> bool:
-        """Reduce the present force to what all guards allow; return True if that is less.
+        """Reduce the present force to what all guards allow; return True if it became smaller.
 
-        It is neither increased, nor is its direction changed.
+        It is never increased, and its direction does not change.
         """
         is_free = True
         for coil in self.coils:
@@ -395,7 +395,7 @@ class SafetyLayer:
     Forces are allowed after `enable`, except while `stopped`. Each command goes to
     `arm_limit.command` or `actuator_limit.command`. Once per period, before the next commands,
     `arm_limit.expires` and `actuator_limit.tick` end forces that have lasted too long. After each
-    of these calls that returns True, the device must be given the limit's force.
+    of these calls that returns True, the device must receive the limit's force.
 
     Parameters
     ----------
@@ -416,7 +416,7 @@ class SafetyLayer:
     active : bool
         True while the device's node is active.
     refusal : str
-        Reason for which every command is rejected; empty if commands are accepted.
+        Reason why all commands are rejected; empty if commands are accepted.
     """
 
     def __init__(
@@ -480,7 +480,7 @@ class SafetyLayer:
         return self.refusal
 
     def news(self, now: float) -> list[str]:
-        """Return lines for the log, each once."""
+        """Return log lines, each event once."""
         lines = [(each.name, each.news(now)) for each in self._limits]
         return [f"{name}: {line}" for name, line in lines if line]
 
@@ -501,8 +501,8 @@ class SafetyLayer:
         Parameters
         ----------
         fault : str
-            Reason for which a part of the device applies no command, as of a board that has
-            disarmed; empty for none. No force is then called held.
+            Reason why a part of the device applies no command, for example a board that has
+            disarmed; empty if there is none. With a fault, no force is reported as held.
         """
         refused = fault or self.refusal or self.disarmed or self.contested
         values = {"forces allowed": str(not refused).lower()}

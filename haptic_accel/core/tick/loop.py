@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Loop of one host: the order of measuring, coupling, compensating and applying in a tick."""
+"""Loop of one host: order of measuring, coupling, compensating and applying in a tick."""
 
 from __future__ import annotations
 
@@ -78,17 +78,17 @@ class CompensationPart:
     ----------
     compensation : Compensation
     samples, lost, bridged, without : int
-        Numbers of tool samples: received; lost; lost and predicted; used without the handle's
-        sample.
+        Numbers of tool samples: received; lost; lost and replaced by predictions; used without the
+        handle's sample.
     measured_across : bool
         True if the tool has measured an acceleration across the actuator's axis.
     orientation : tuple of float
-        Newest orientation of the handle in its base frame, from whose axes those of the tool's
-        samples are turned into the handle's.
+        Newest orientation of the handle relative to its base frame; the tool's samples are rotated
+        from the base's axes to the handle's.
     is_handle_muted : bool
-        True if the handle's samples count as lost, as their signal has other publishers too.
+        True if the handle's samples count as lost, as their topic has other publishers too.
     results : list of CompensatedSample
-        Results that were computed since the list was cleared; then their objects are used again.
+        Results that were computed since the list was cleared, when their objects are reused.
     """
 
     def __init__(self, compensation: Any, rate: float, latency: int, longest: int = 2) -> None:
@@ -116,7 +116,7 @@ class CompensationPart:
         self.tools.append(tool)
 
     def put_count_force(self, x: float, y: float, z: float) -> None:
-        """Set the arm's force due to rounding, N, in the base frame, due with the next forces."""
+        """Set the arm's force due to rounding, N, in the base frame, for the next forces."""
         each = self.compensation
         if self.orientation is not IDENTITY and self.orientation != IDENTITY:
             x, y, z = self.turned(x, y, z, True)
@@ -130,7 +130,7 @@ class CompensationPart:
         handles.append(handle)
 
     def turned(self, x: float, y: float, z: float, is_vector: bool = False) -> Vector:
-        """Return a tool's acceleration, or another vector of the base's axes, in the handle's."""
+        """Convert a tool's acceleration, or any vector, from the base's axes to the handle's."""
         from haptic_accel.core.orientation import from_base, is_turned
 
         vector = x, y, z
@@ -190,7 +190,7 @@ class CompensationPart:
             if self.has_last and stamp - self.last >= 1.5 * self.period:
                 self.fill(stamp - self.last)
             self.last, self.has_last = stamp, True
-            # No sample precedes the first.
+            # The first sample has no previous one.
             if not known and self.samples > 0:
                 self.without += 1
             self.samples += 1
@@ -207,7 +207,7 @@ class CompensationPart:
                 self.slow.adapt()
 
     def fill(self, gap: int) -> None:
-        """Pass predictions of samples lost in ns to the filters, which thus miss no sample."""
+        """Pass predictions for a gap of lost samples, ns, to the filters, which thus miss none."""
         lost = round(gap / self.period) - 1
         self.lost += lost
         if 0 < lost <= self.longest_bridge:
@@ -244,17 +244,17 @@ class HostLoop:
     compensation : CompensationPart, optional
         None without a handle.
     decide : callable, optional
-        Called with the time in s when due, to call `ArmCoupling.poll`. The default assumes that
-        all subscribers exist, as in lockstep.
+        Called with the time in s when a decision is due; calls `ArmCoupling.poll`. The default
+        assumes that all subscribers exist, as in lockstep.
     failures : tuple of type
-        Errors of a device that affect its arm only.
+        Exceptions of a device that affect only its arm.
     failed : callable, optional
-        Called with an arm and such an error, to stop the arm's sampling.
+        Called with an arm and such an exception, to stop the arm's sampling.
 
     Attributes
     ----------
     samples : list of ArmSample
-        Samples read in the last step, or since it was told to go on with a frame.
+        Samples read in the last step, or in all steps of the present frame.
     tools : list of ArmSample
         Samples of the tool passed to the compensation.
     commands : list of CoupledForces
@@ -262,7 +262,7 @@ class HostLoop:
     compensated : list of CompensatedSample
         Actuator forces caused by these samples.
     contested : int
-        Number of samples that were not passed on, as their signals have other publishers too.
+        Number of samples that were not passed on, as their topics have other publishers too.
     """
 
     signals: FloatArray
@@ -299,7 +299,7 @@ class HostLoop:
 
     @property
     def complete(self) -> bool:
-        """True if no sample or force of a device is outstanding."""
+        """True if no sample or force of a device is pending."""
         return all([side.complete for side in self.each if side.sampling])
 
     def mute(self, names: set[str]) -> None:
@@ -318,14 +318,14 @@ class HostLoop:
             self.compensation.is_handle_muted = self.mutes_handle
 
     def forget(self) -> None:
-        """Forget the results of earlier steps, whose objects are used again."""
+        """Discard the results of earlier steps, whose objects are reused."""
         self.samples.clear()
         self.tools.clear()
         self.commands.clear()
         self.compensated.clear()
 
     def step(self, tick: int, is_first: bool = True) -> None:
-        """Process a tick, the first of its frame or one whose results are added to the frame's."""
+        """Process a tick: the first of its frame, or one that adds its results to the frame's."""
         if is_first:
             self.forget()
         played: ArmSample | None = None
@@ -342,13 +342,13 @@ class HostLoop:
     def record(self, rows: Any) -> None:
         """Write the signals of each tick from now on to its row of an array.
 
-        In their order: acceleration, position and velocity of the master, and force on it; the
-        same of the slave; desired acceleration; actuator's force.
+        Order: acceleration, position and velocity of the master, and force on it; the same for the
+        slave; desired acceleration; actuator force.
         """
         self.signals, self.width = scalars(rows.reshape(-1)), rows[0].size
 
     def note(self, at: int) -> None:
-        """Write the signals of a tick from an index on."""
+        """Write the signals of a tick, starting at an index."""
         row = self.signals
         for sample in self.samples:
             to: int = at + 12 * sample.arm
@@ -404,7 +404,7 @@ class HostLoop:
         now: float = one.time if one.clock is None else one.clock()
         coupling.passed = len(coupling.forces)
         sample: ArmSample
-        # The samples of this step, which are the last of the frame's.
+        # The samples of this step are the last ones of the frame.
         for side in self.each:
             for sample in side.samples:
                 if self.mutes_slave if sample.arm else self.mutes_master:
@@ -455,7 +455,7 @@ class HostLoop:
     def command(
         self, side: DeviceSide | None, is_arm: bool, stamp: int, x: float, y: float, z: float
     ) -> None:
-        """Pass a force to its device, which may take it in advance and fail."""
+        """Pass a force to its device, which may fail if it accepts forces in advance."""
         if side is not None and side.sampling:
             try:
                 side.take(is_arm, stamp, x, y, z)
@@ -464,7 +464,7 @@ class HostLoop:
 
 
 def release(sides: Mapping[str, DeviceSide], now: float) -> None:
-    """Apply a zero force to each arm, as if computed from the sample of a time, s."""
+    """Apply a zero force to each arm, as if computed from the sample at a time, s."""
     for side in sides.values():
         if side.sampling:
             side.command(ARM, round(now * 1e9), 0.0, 0.0, 0.0)

@@ -13,10 +13,10 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.tick.kernels import INFINITE
 
 HISTORY = 64
-"""Number of samples for the prediction; older samples show texture elsewhere."""
+"""Number of samples for the prediction; older samples are from other parts of the texture."""
 
 ORDER = 12
-"""Order of the prediction: enough for some resonances of surface and tool."""
+"""Order of the prediction: enough for a few resonances of surface and tool."""
 
 RIDGE = 1e-3
 """Relative increase of the power at lag 0, equivalent to white noise 30 dB below the signal. It

@@ -25,17 +25,17 @@ NOISE_BLOCK: int = 4096
 """Number of samples of noise drawn together, as one call per sample would take longer."""
 
 LONGEST_ADVANCE: float = 0.1
-"""Maximum time simulated in one call, s; the rig stands still for the rest of a longer stall."""
+"""Maximum time simulated in one call, s; the rig is paused for the rest of a longer stall."""
 
 PUT_BACK_AFTER: float = 0.2
 """Time without force and without commands after which an arm returns to its start, s. It is longer
-than the coupler takes to release both arms when one stops sending."""
+than the coupler needs to release both arms when one stops sending."""
 
 RESOLUTION: float = 10e-6
 """Maximum step of a rig's clock, s."""
 
 NEVER: float = -1.0
-"""Time since the last command of an arm that is not held."""
+"""Value of `silence` for an arm without commands since its release."""
 
 
 # Instruments
@@ -94,7 +94,7 @@ class Accelerometer(Quantizer):
 
 
 def encoded(value: float, step: float) -> float:
-    """Return a value rounded to the nearest multiple of a step; 0 for an exact value."""
+    """Return a value rounded to the nearest multiple of a step, or unchanged for a step of 0."""
     return ((value / step + TO_WHOLE) - TO_WHOLE) * step if step else value
 
 
@@ -116,21 +116,21 @@ def scalars(array: Any) -> Any:
 class SimulatedArm:
     """One side of the virtual rig: its time, and forces that are not due yet.
 
-    The arm stands still until its first force: any force of its motors, even zero, or a non-zero
+    The arm is at rest until its first force: any force of its motors, even zero, or a non-zero
     force of the actuator. Until then all samples are equal, without noise. Later samples are thus
-    independent of the waiting time. An arm whose motors are commanded a zero force and then
-    nothing for `PUT_BACK_AFTER` returns to its start, so that all engagements begin there. A
-    coupling with zero force repeats its commands, and thus holds the arm.
+    independent of the waiting time. An arm whose motors receive a zero force and then no command
+    for `PUT_BACK_AFTER` returns to its start, so that all engagements begin there. A coupling with
+    zero force repeats its commands, and thus prevents the return.
 
     Times are in s on the caller's clock, and begin with the first sample or force. Forces may be
-    given before the samples that precede them are taken.
+    passed before the samples that precede them are taken.
 
     Attributes
     ----------
     reading : ArmSample
-        Newest sample; the loop puts an object in its place that was another sample of this arm.
+        Newest sample, in an object that the loop provides and reuses.
     contact_x, contact_y, contact_z : float
-        Force of a surface on the tool, N, as of the last `feel`.
+        Force of a surface on the tool, N, at the last `feel`.
     """
 
     def __init__(self) -> None:
@@ -162,7 +162,7 @@ class SimulatedArm:
         self.observe()
 
     def drive_at(self, time: float, on_arm: bool, x: float, y: float, z: float) -> None:
-        """Set the force of motors or coils from a time on, N; discard later ones given before."""
+        """Set the force of motors or coils from a time on, N; discard later forces set before."""
         # Most forces act at the time of the newest sample.
         if (self.waiting or time != self.last or not self.sampled) and self.waits(time):
             self.waiting.append(TimedForce(time, on_arm, x, y, z))
@@ -176,7 +176,7 @@ class SimulatedArm:
         return False
 
     def waits(self, time: float) -> bool:
-        """Return whether a force waits for samples that precede it; else advance to its time."""
+        """Return True if a force waits for preceding samples; otherwise advance to its time."""
         if self.sampled:
             while self.waiting:
                 newest: TimedForce = self.waiting[len(self.waiting) - 1]
@@ -189,7 +189,7 @@ class SimulatedArm:
         return False
 
     def restart(self) -> None:
-        """Forget the forces that wait; the time continues with the next sample or force."""
+        """Discard the waiting forces; the time continues with the next sample or force."""
         self.placed = self.sampled = False
         self.waiting.clear()
 
@@ -204,7 +204,7 @@ class SimulatedArm:
     # Motion, by kind of arm
 
     def advance(self, time: float) -> None:
-        """Integrate the physics up to a time since the start; a past time changes nothing."""
+        """Integrate the physics up to a time since the start; past times are ignored."""
 
     def observe(self) -> None:
         """Take the readings of encoders and accelerometer."""
@@ -221,7 +221,7 @@ class SimulatedArm:
             self.pull(0.0, 0.0, 0.0)
 
     def let_go(self, seconds: float) -> bool:
-        """Let time pass; return True, once, when the arm has been released."""
+        """Count elapsed time; return True, once, when the arm has been released."""
         if self.silence == NEVER:
             return False
         self.silence += seconds
@@ -231,18 +231,18 @@ class SimulatedArm:
         return False
 
 
-# The hand that leads the handle
+# Hand that guides the handle
 
 HAND_REACH: tuple[tuple[float, float], tuple[float, float]] = ((-0.15, 0.15), (-0.02, 0.08))
 """Workspace of a guided hand along the surface (x) and its normal (z), m. At 13 mm below the
-surface the coupling's 250 N/m give the arms' maximum force."""
+surface, the coupling's stiffness of 250 N/m causes the arms' maximum force."""
 
 HAND_SPEED: float = 1.0
 """Maximum speed of a guided hand, m/s: ten strokes of 0.1 m per second."""
 
 HAND_STEP: float = 1e-3
 """Step of a scripted hand's table, between whose entries the velocity is linear, and maximum step
-over which a guided hand's acceleration is held, s."""
+within which a guided hand's acceleration is constant, s."""
 
 HAND_LAG: float = 7e-3
 """Time constant of each of the four lags behind the points, s. The total is 28 ms. At 60 Hz, a
@@ -258,7 +258,7 @@ HAND_EXPECTED: float = 0.05
 
 
 LONG_AGO: float = -1e300
-"""Time of the last point of a hand that was never led, s."""
+"""Time of the last point of a hand that was never guided, s."""
 
 
 class Hand:
@@ -276,7 +276,7 @@ class Hand:
         self.x = self.z = self.v_x = self.v_z = 0.0
 
     def lead(self, time: float) -> None:
-        """Move to the position of a time, s; at rest at 0."""
+        """Move to the position at a time, s; at rest at 0."""
 
 
 class ScriptedHand(Hand):
@@ -295,7 +295,7 @@ class ScriptedHand(Hand):
         self.last: int = len(table) // 4 - 1
 
     def lead(self, time: float) -> None:
-        """Move to the position of a time, s; at rest before 0."""
+        """Move to the position at a time, s; at rest before 0."""
         position = max(0.0, time / HAND_STEP) % self.last
         index: int = int(position)
         part, at = position - index, 4 * index
@@ -339,7 +339,7 @@ class GuidedHand(Hand):
         self.note()
 
     def point(self, x: float, z: float) -> None:
-        """Lead the hand to a point, m, or to the nearest one within `HAND_REACH`.
+        """Guide the hand to a point, m, or to the nearest one within `HAND_REACH`.
 
         A point that is not finite is ignored.
         """
@@ -350,7 +350,7 @@ class GuidedHand(Hand):
             self.normal.expect(z, passed)
 
     def lead(self, time: float) -> None:
-        """Move to a time, s, which does not decrease except to 0, where the hand is at rest."""
+        """Move to a time, s; it must not decrease, except to 0, where the hand is at rest."""
         if time < self.time:
             self.rest()
         left: int = -math.floor(1e-6 - (time - self.time) / HAND_STEP)
@@ -365,7 +365,7 @@ class GuidedHand(Hand):
         self.note()
 
     def note(self) -> None:
-        """Take over the motion of both axes."""
+        """Copy the motion of both axes."""
         self.x, self.z = self.along.position, self.normal.position
         self.v_x, self.v_z = self.along.velocity, self.normal.velocity
 
@@ -384,7 +384,7 @@ class GuidedAxis:
         self.velocity = self.pace = 0.0
 
     def expect(self, coordinate: float, passed: float) -> None:
-        """Correct goal and velocity by a point, a time in s after the previous one."""
+        """Correct goal and velocity by a point that follows the previous one after a time, s."""
         if passed > HAND_EXPECTED:  # the point was released meanwhile
             passed, self.pace = HAND_EXPECTED, 0.0
         coordinate = min(self.high, max(self.low, coordinate))
@@ -452,7 +452,7 @@ class HandleCoil:
         return math.fabs(offset) + 2.0 * math.fabs(slip) * steps * self.step > self.travel / 2.0
 
     def force(self, offset: float, slip: float) -> float:
-        """Return the force of the stops on the coil, N, held for `STOP_STEPS` steps."""
+        """Return the force of the stops on the coil, N, constant for `STOP_STEPS` steps."""
         overrun = math.fabs(offset) - self.travel
         before: bool = self.touching
         self.touching = overrun > 0.0
@@ -461,20 +461,20 @@ class HandleCoil:
         if not before:
             self.hits += 1
         outward = math.copysign(1.0, offset) * slip
-        # The force is held for some steps. Its mid-time value returns no more energy than was
-        # stored.
+        # The force is constant for several steps. Its mid-time value returns no more energy than
+        # was stored.
         held = STOP_STEPS * self.step
         push = self.stiffness * (overrun + outward * held / 2.0) + self.damping * outward
         return -math.copysign(max(0.0, push), offset)
 
 
 class HeldArm(SimulatedArm):
-    """Handle with linear mechanics in a hand that leads it.
+    """Handle with linear mechanics in a hand that guides it.
 
     The system x' = A x + B u is linear between commands and advanced exactly, except for travel
-    stops and dry friction. The force of a nearby stop is updated every 50 us. Friction is held for
-    a sample at most and follows the mean slip. Everything stands still until the first force. The
-    hand rests until the arm's first force (engagement), then starts to explore. A released arm
+    stops and dry friction. The force of a nearby stop is updated every 50 us. Friction is constant
+    for at most one sample and follows the mean slip. Everything is at rest until the first force.
+    The hand rests until the arm's first force (engagement), then starts to explore. A released arm
     returns to its start, and the hand starts again with the next force.
 
     Parameters
@@ -499,9 +499,9 @@ class HeldArm(SimulatedArm):
     friction : float
         Dry friction of a coil's bearing, N.
     friction_steps : int
-        Maximum number of steps of held friction.
+        Maximum number of steps with constant friction.
     rubbed : ndarray, shape (longest coils, n)
-        States after 1, 2, ... steps of a unit of friction, a row for each coil.
+        States after 1, 2, ... steps of unit friction, one row for each coil.
     travels : list of float
         Travel of each coil for each of these rows, m.
     """
@@ -546,14 +546,14 @@ class HeldArm(SimulatedArm):
         self.now, self.exploring = 0, False
         self.since = 0  # step at which the hand began to explore
         self.hand_until = 0  # end of the hand's present acceleration
-        self.led = 0  # steps of exploring at which the hand is now
+        self.led = 0  # steps since then up to which the hand has moved
         self.hand: Hand = hand
         self.hand_motion: FloatArray = self.scaled
         self.hand_acceleration: FloatArray = self.scaled
         hand.lead(0.0)
 
     def advance(self, time: float) -> None:
-        """Integrate the physics up to a time since the start; a past time changes nothing."""
+        """Integrate the physics up to a time since the start; past times are ignored."""
         step = self.step
         due: int = int((time / step + TO_WHOLE) - TO_WHOLE - self.now)
         longest: int = self.stall if self.started else 0
@@ -626,7 +626,7 @@ class HeldArm(SimulatedArm):
         self.state[:] = self.resting
 
     def lead_hand(self) -> None:
-        """Set the hand's motion for at most a step of its table."""
+        """Set the hand's motion for at most one step of its table."""
         hand: Hand = self.hand
         self.hand_until = self.now + self.longest
         self.place_hand(self.now)
@@ -639,7 +639,7 @@ class HeldArm(SimulatedArm):
         motion[0], motion[1] = (hand.v_x - v_x) / duration, (hand.v_z - v_z) / duration
 
     def place_hand(self, now: int) -> None:
-        """Lead the hand to its position at a step of the clock."""
+        """Move the hand to its position at a step of the clock."""
         steps: int = now - self.since if self.exploring else 0
         if steps != self.led:
             self.led = steps
@@ -726,8 +726,8 @@ class OneCoil(HeldArm):
 class ThreeCoils(HeldArm):
     """Handle with three coils, whose mechanics are those of `handle.three_axis`.
 
-    The sensors' low-passed accelerations are turned to the axes of the sensor by the nine numbers
-    of `sensor`, row by row.
+    The sensors' low-passed accelerations are rotated to the axes of the sensor by the nine
+    elements of `sensor`, row by row.
     """
 
     def __init__(
@@ -930,7 +930,7 @@ class Tip(SimulatedArm):
         self.lift = self.x = self.v_x = self.v_z = self.low_x = self.low_y = self.low_z = 0.0
 
     def advance(self, time: float) -> None:
-        """Integrate the physics up to a time since the start; a past time changes nothing."""
+        """Integrate the physics up to a time since the start; past times are ignored."""
         passed: int = int((time / self.clock_step + TO_WHOLE) - TO_WHOLE - self.now)
         if passed <= 0:
             return
@@ -1013,7 +1013,7 @@ class Tip(SimulatedArm):
                 half_x, half_z, before_z = v_x + half * a_x, v_z + half * a_z, a_z
                 x += step * half_x
                 z += step * half_z
-                # Friction depends on velocity; a predicted one keeps the scheme second-order.
+                # Friction depends on velocity; a predicted velocity keeps the scheme second-order.
                 v_x += step * a_x
                 v_z += step * a_z
         self.x, self.z, self.v_x, self.v_z = x, z + self.lift, v_x, v_z
@@ -1057,7 +1057,7 @@ class Tip(SimulatedArm):
             self.feel()
             added: float = self.texture(math.fabs(self.v_x), self.contact_z)
             z += added
-            # Direction of the sliding, from -1 to 1; near 0 at rest, as that of friction.
+            # Direction of the sliding, from -1 to 1; near 0 at rest, like that of friction.
             speed = math.sqrt(self.v_x * self.v_x + self.v_z * self.v_z + self.slow)
             x -= self.sliding * added * (self.v_x / speed)
         if self.sensor_x is not None:
@@ -1068,9 +1068,9 @@ class Tip(SimulatedArm):
             reading.a_z = self.sensor_z.measure(z, noisy)
 
     def play(self) -> None:
-        """Take the acceleration of the recording, which has already passed a sensor."""
+        """Take the acceleration of the recording, which a sensor has already processed."""
         if not self.playing:
-            # From a sample, as the force may change between samples.
+            # Start at a sample, as the force may change between samples.
             self.playing, self.played_since = True, self.now
         position = (self.now - self.played_since) * self.clock_step * self.rate
         first: int = 3 * int((position + TO_WHOLE) - TO_WHOLE) % len(self.recording)
@@ -1079,21 +1079,21 @@ class Tip(SimulatedArm):
 
 
 class ReplayArm(SimulatedArm):
-    """Arm with recorded samples; forces on it are counted and have no effect.
+    """Arm that replays recorded samples; forces on it are counted and have no effect.
 
-    It rests at its first position until the first force of the arm's motors. It replays from the
-    next sample on, whatever the later forces are.
+    It rests at its first position until the first force of the arm's motors. The replay starts at
+    the next sample and is independent of later forces.
 
     Parameters
     ----------
     table : ndarray, shape (n, 8)
-        Position, velocity, acceleration along z, and 1 for a lost sample, in a row each.
+        One row per sample: position, velocity, acceleration along z, and 1 for a lost sample.
     rate : float
         Samples per second.
     loop : bool
-        Restart at the end; otherwise the last sample repeats.
+        True to restart at the end; otherwise the last sample repeats.
     rest : float
-        Acceleration along z until then, m/s^2.
+        Acceleration along z before the replay, m/s^2.
     """
 
     def __init__(self, table: FloatMatrix, rate: float, loop: bool, rest: float) -> None:

@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One arm's sample of a tick, the work of its motors, and the join of both arms' samples."""
+"""Sample of one arm at a tick, work of its motors, and synchronization of both arms' samples."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from haptic_accel.core.model import Quaternion, Vector
 
 KEPT: int = 1000
-"""Maximum number of force changes that wait for the next sample; beyond, the oldest are merged."""
+"""Maximum number of force changes that wait for the next sample; beyond, the oldest are
+dropped."""
 
 BEFORE_ALL: float = float("-inf")
 
@@ -27,11 +28,11 @@ class ArmSample:
     stamp : int
         Time on the clock of the stamps, ns.
     position, velocity : tuple of float
-        m, m/s.
+        Position, m, and velocity, m/s.
     work : float, optional
         Cumulative work of the arm's motors, J, from any start; None if unknown.
     acceleration : tuple of float
-        m/s^2.
+        Acceleration, m/s^2.
 
     Attributes
     ----------
@@ -40,7 +41,7 @@ class ArmSample:
     x, y, z, v_x, v_y, v_z, a_x, a_y, a_z : float
         Position, velocity and acceleration.
     orientation : tuple of float
-        Quaternion; the very object `IDENTITY` for an arm without orientation.
+        Quaternion; the object `IDENTITY` itself for an arm without orientation.
     work_x, work_y, work_z : float
         Cumulative work of the arm's motors per axis, J; valid if `has_work`.
     contact : tuple of float or None
@@ -94,9 +95,9 @@ class ArmSample:
 
 
 class TimedForce:
-    """Force, N, of an arm's motors or its actuator, from a time in s, or due at a tick.
+    """Force, N, of an arm's motors or its actuator, from a time in s on, or due at a tick.
 
-    The stamp is that of the sample that caused it, ns.
+    The stamp is that of the sample that caused the force, ns.
     """
 
     def __init__(
@@ -114,11 +115,11 @@ class TimedForce:
 class ArmWork:
     """Cumulative sum of applied force times displacement, per axis.
 
-    The work between two samples is the held force times the change of position. This is exact for
-    a force that changes at samples only. For other changes (late, or set to zero by a watchdog)
-    the displacement is divided assuming constant velocity. With an acceleration a and a period T
-    the error is at most a T^2 / 8 times the change of force: 1 uJ for 1 N, 8 m/s^2 and 1 ms. A
-    lost sample makes the period longer.
+    The work between two samples is the applied force times the change of position. This is exact
+    for a force that changes at samples only. For other changes (late, or set to zero by a
+    watchdog) the displacement is divided under the assumption of constant velocity. With an
+    acceleration a and a period T the error is at most a T^2 / 8 times the change of force: 1 uJ
+    for 1 N, 8 m/s^2 and 1 ms. A lost sample makes the period longer.
 
     The forces are the commands to the device, at the times of the calls. Delays and suppressed
     forces inside the device are unknown here.
@@ -146,12 +147,12 @@ class ArmWork:
         self._time: float = BEFORE_ALL
         self._p_x = self._p_y = self._p_z = 0.0
         self._f_x = self._f_y = self._f_z = 0.0
-        # Those since the last sample come first, and then objects to use again.
+        # The first `_count` are the changes since the last sample; the others are reused.
         self._changes: list[TimedForce] = []
         self._count = 0
 
     def apply(self, time: float, x: float, y: float, z: float) -> None:
-        """Record that a force, N, is held from a time on, s; times must increase."""
+        """Record that a force, N, acts from a time on, s; times must increase."""
         changes = self._changes
         if self._count == KEPT:
             changes.append(changes.pop(0))
@@ -163,7 +164,7 @@ class ArmWork:
         self._count += 1
 
     def until(self, time: float, sample: ArmSample) -> None:
-        """Add the work up to a sample, and note it there.
+        """Add the work up to a sample, and store it in the sample.
 
         Parameters
         ----------
@@ -181,7 +182,7 @@ class ArmWork:
         since, changes = self._time, self._changes
         f_x, f_y, f_z = self._f_x, self._f_y, self._f_z
         held_x, held_y, held_z = f_x, f_y, f_z
-        # Mean force between the two times, and none of the forces before the second.
+        # Mean force between the two times; changes up to the second time are removed.
         used: int = 0
         while used < self._count:
             change: TimedForce = changes[used]
@@ -247,7 +248,7 @@ class Pairing:
         return bool(self._masters or self._slaves)
 
     def put(self, sample: ArmSample) -> None:
-        """Add a sample of the arm that it names; stamps must increase."""
+        """Add a sample of the arm that it specifies; stamps must increase."""
         waiting = self._slaves if sample.arm else self._masters
         if len(waiting) == self._longest:
             del waiting[0]

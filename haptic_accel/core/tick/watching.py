@@ -15,13 +15,13 @@ DESIRED, MEASURED, FORCE, DRIVE = range(4)
 """Rows of the signals of a trace."""
 
 NEVER_LIMITED: int = -1 << 40
-"""Count of samples while no limit has acted: long before the first."""
+"""Value of `Trace.limited` while no limit has acted: long before the first sample."""
 
 
 class Trace:
-    """Latest samples of one coil, or of one controller, for computations that are not of a sample.
+    """Latest samples of one coil or controller, for computations that do not run in every sample.
 
-    They read it at intervals, in blocks, see `core.control.response_estimation`.
+    These computations read blocks at intervals, see `core.control.response_estimation`.
 
     Attributes
     ----------
@@ -31,13 +31,13 @@ class Trace:
         Number of samples in the signals.
     signals : list of ndarray, shape (n,)
         Signals by `DESIRED`, `MEASURED`, `FORCE` and `DRIVE`, oldest first: desired acceleration,
-        m/s^2; acceleration of the handle, m/s^2, where it is unknown, that of the sample before;
-        force that drives the handle, N; input of the controller's convolution, m/s^2, or force
-        that the controller asked for, N.
+        m/s^2; acceleration of the handle, m/s^2, which repeats the last value while unknown; force
+        that drives the handle, N; input of the controller's convolution, m/s^2, or force that the
+        controller requested, N.
     kept : int
-        Number of samples that remain at least; readers raise it.
+        Minimum number of samples that remain stored; readers may increase it.
     missing, saturated : list of float
-        Counts at the samples without a measurement, and at those beyond the sensor's range.
+        Counts at samples without a measurement, and at samples beyond the sensor's range.
     limited : int
         Count at the last sample at which a limit of the actuator acted.
     """
@@ -55,7 +55,7 @@ class Trace:
         self._trim(0)
 
     def reset(self) -> None:
-        """Forget all samples."""
+        """Discard all samples."""
         self.count, self.limited, self.latest = 0, NEVER_LIMITED, 0.0
         self._trim(0)
 
@@ -78,7 +78,7 @@ class Trace:
             self._trim(self.kept)
 
     def _trim(self, kept: int) -> None:
-        """Drop all but the latest samples, and make room for as many as shall remain."""
+        """Discard all but the latest samples, and allocate memory for as many as must remain."""
         import numpy as np
 
         stored, before = min(self.stored, kept), self.signals
@@ -90,7 +90,7 @@ class Trace:
         self.measured: FloatArray = self.signals[MEASURED]
         self.force: FloatArray = self.signals[FORCE]
         self.drive: FloatArray = self.signals[DRIVE]
-        # As many gaps at most are within these samples.
+        # The number of gaps cannot exceed the number of remaining samples.
         for each in (self.missing, self.saturated):
             del each[: max(0, len(each) - kept)]
         self.stored, self.full = stored, self.count + self.kept
