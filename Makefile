@@ -9,7 +9,7 @@ VENV ?= .venv
 # The ROS 2 distribution whose wheels are installed: jazzy or kilted.
 ROS ?= jazzy
 # Everything optional: what a laptop shows must not depend on what was chosen at set-up.
-EXTRAS = ros-$(ROS),bench,serial,can,zenoh,audio,mujoco,mesh
+EXTRAS = ros-$(ROS),analysis,bench,serial,can,zenoh,audio,mujoco,mesh
 # Words to add to a command, as in: make test ARGS="-k filters"
 ARGS ?=
 

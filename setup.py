@@ -102,9 +102,10 @@ def link_nodes() -> tuple[str, ...]:
 
 
 BENCH = ["psutil>=5.9.8"]
-PARQUET = ["pyarrow>=14", "pillow>=10"]
+ANALYSIS = ["pandas>=2.1", "matplotlib>=3.6"]
+PARQUET = ["pandas>=2.1", "pyarrow>=14", "pillow>=10"]
 # wheel: pip installs small packages with the machine's own setuptools.
-TEST = ["pytest>=7.4", "pytest-timeout>=2.2", "hypothesis>=6.98", "wheel>=0.42", *BENCH]
+TEST = ["pytest>=7.4", "pytest-timeout>=2.2", "hypothesis>=6.98", "wheel>=0.42", *BENCH, *ANALYSIS]
 
 setup(
     name=NAME,
@@ -131,7 +132,7 @@ setup(
     license_files=["LICENSE", "haptic_accel/pages/assets/uPlot.LICENSE"],
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
-        NAME: ["py.typed", "*.pyi", "*/*/*.pyi"],
+        NAME: ["py.typed", "**/*.pyi"],
         f"{NAME}.pages": ["templates/*", "assets/*"],
     },
     data_files=data_files(),
@@ -149,7 +150,6 @@ setup(
         "PyYAML>=6.0",
         # Updates of a user's file, with its comments; rosbags needs it, too.
         "ruamel.yaml>=0.17.21",
-        "matplotlib>=3.6",
         "rich>=13.7",
         "click>=8.1",
         "jinja2>=3.1",
@@ -158,13 +158,14 @@ setup(
         # As rosbags has them, for bags that are read by chunks.
         "backports.zstd>=1.0; python_version<'3.14'",
         "lz4>=4.0.2",
-        "pandas>=2.1",
         "aiohttp>=3.9,<4",
     ],
     extras_require={
         "ros": ros_wheels(ROS),
         "ros-jazzy": ros_wheels("jazzy"),
         "ros-kilted": ros_wheels("kilted"),
+        # Tables and plots of bags, identification and studies: everything but to run the graph.
+        "analysis": ANALYSIS,
         # Processor time and memory of nodes: bench latency.
         "bench": BENCH,
         # Handle and tool on serial lines; cobs has no rosdep key.
@@ -189,6 +190,7 @@ setup(
         "test": TEST,
         # make docs, whose examples write a learning set.
         "docs": [
+            *ANALYSIS,
             *PARQUET,
             "sphinx>=7.2.6",
             "myst-parser>=2.0",

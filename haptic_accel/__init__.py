@@ -50,7 +50,7 @@ def lazy_names(root: str, file: str) -> tuple[Callable[[str], Any], Callable[[],
                 name.name: str(each.module)
                 for each in imports
                 for name in each.names
-                if name.asname  # "X as X" is the form of a name to export
+                if str(each.module).startswith(f"{__name__}.")
             }
         return _MODULES[root]
 

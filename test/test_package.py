@@ -206,14 +206,17 @@ def test_release_tools_find_the_changes_of_each_version(manifest: Package) -> No
     assert found == sorted(found, key=itemgetter(1), reverse=True)
 
 
-def requirements(*, extras: bool = True) -> dict[str, SpecifierSet]:
-    """Return the versions that setup.py allows of each package that users need, by name."""
+def requirements(only: str = "") -> dict[str, SpecifierSet]:
+    """Return the versions that setup.py allows of each package that users need, by name.
+
+    These are those of one extra, or of all.
+    """
     show = (
         "lambda **given: print(json.dumps([given['install_requires'], given['extras_require']]))"
     )
     code = f"import json, setuptools; setuptools.setup = {show}; exec(open('setup.py').read())"
     required, optional = json.loads(run([sys.executable, "-c", code], plain_environment(), SOURCE))
-    of_users = [own for name, own in optional.items() if name != "dev" and extras]
+    of_users = [own for name, own in optional.items() if (name == only if only else name != "dev")]
     words = [each for each in itertools.chain(required, *of_users) if not each.startswith("ros-")]
     return {found.name: found.specifier for found in map(Requirement, words)}
 
@@ -241,7 +244,7 @@ def test_manifest_and_setup_bound_the_same_versions(manifest: Package) -> None:
 
 
 def test_manifest_and_setup_require_the_same_packages(manifest: Package) -> None:
-    names = requirements(extras=False).keys() - WITHOUT_KEY
+    names = requirements("analysis").keys() - WITHOUT_KEY
     stated = {each.name for each in manifest.exec_depends if each.name.startswith("python3-")}
     assert stated == {f"python3-{name.lower().removeprefix('py')}" for name in names}
 
@@ -259,20 +262,25 @@ def test_every_import_is_a_dependency(manifest: Package) -> None:
     assert keys <= {dependency.name for dependency in manifest.exec_depends}
 
 
-def without_rosbags(code: str) -> subprocess.CompletedProcess[str]:
-    """Run code in a Python that has no rosbags, nor what comes with it."""
-    hidden = f"import sys; sys.modules.update(dict.fromkeys({OF_ROSBAGS}))"
+def without(modules: tuple[str, ...], code: str) -> subprocess.CompletedProcess[str]:
+    """Run code in a Python that lacks some modules."""
+    hidden = f"import sys; sys.modules.update(dict.fromkeys({modules}))"
     return subprocess.run(
         [sys.executable, "-c", f"{hidden}; {code}"], capture_output=True, text=True, check=False
     )
 
 
-def test_the_graph_runs_without_rosbags() -> None:
+ANALYSIS = ("matplotlib", "pandas")
+"""Modules of the extra `analysis`."""
+
+
+def test_the_graph_runs_without_rosbags_and_analysis() -> None:
     nodes = ", ".join(node_module(node) for node in NODES if node != "recorder")
-    done = without_rosbags(
+    done = without(
+        (*OF_ROSBAGS, *ANALYSIS),
         f"import {nodes}; from haptic_accel.setup.processes import graph;"
         "from haptic_accel.setup.arguments import GraphArguments;"
-        "print(len(graph(GraphArguments(record=False, composed=False))))"
+        "print(len(graph(GraphArguments(record=False, composed=False))))",
     )
     assert (done.stdout, done.stderr) == ("4\n", "")
 
@@ -281,10 +289,19 @@ def test_the_graph_runs_without_rosbags() -> None:
     ("words", "status"), [(["bag", "info", "bag"], 1), (["teleop", "duration:=1"], 2)]
 )
 def test_what_needs_rosbags_says_so(words: list[str], status: int) -> None:
-    done = without_rosbags(f"from haptic_accel.cli.main import main; main({words})")
+    done = without(OF_ROSBAGS, f"from haptic_accel.cli.main import main; main({words})")
     assert done.returncode == status
     assert NO_ROSBAGS in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", ["experiment", "identify", "touch", "replay", "export"])
+def test_what_draws_says_what_to_install_and_the_rest_runs(command: str) -> None:
+    done = without(ANALYSIS, f"from haptic_accel.cli.main import main; main(['{command}', '-h'])")
+    draws = command in ("experiment", "identify")
+    assert done.returncode == draws
+    needed = r"haptic-accel: needs \w+: pip install 'haptic_accel\[analysis\]'\n" if draws else ""
+    assert re.fullmatch(needed, done.stderr)
 
 
 NEWER = {"compression"}

@@ -14,6 +14,6 @@ Tables are pandas data frames. Notebooks, plotting libraries and statistics pack
 without conversion. Debian packages pandas, and rosdep knows it as ``python3-pandas``.
 """
 
-from haptic_accel.analysis.frames import bands, compare, groups, load, signals, spectra, trials
+from haptic_accel import lazy_names
 
-__all__ = ["bands", "compare", "groups", "load", "signals", "spectra", "trials"]
+__getattr__, __dir__ = lazy_names(__name__, __file__)

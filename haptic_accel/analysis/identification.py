@@ -367,8 +367,7 @@ def _force_age(bag: Bag) -> float:
     """
     if bag.latency:
         return 0.0
-    values = _last_values(bag)
-    return durations(values, f"{AGE_OF} age").get("p50", 0.0) * 1e-6
+    return durations(_last_values(bag), f"{AGE_OF} age").get("p50", 0.0) * 1e-6
 
 
 def _last_values(bag: Bag) -> dict[str, str]:

@@ -152,12 +152,11 @@ def _losses(found: Sequence[metrics.AnalysedTrial]) -> list[tuple[str, str, int]
     """Return trial, topic, and number of lost samples for each loss."""
     rows = []
     for name, delivery in ((trial.name, trial.segment.delivery) for trial in found):
-        rows += [(name, topic, lost) for topic, lost in delivery.lost.items()]
-        rows += [
-            (name, f"samples of the {arm} without any message", missed)
-            for arm, missed in delivery.missed.items()
-        ]
-    return [row for row in rows if row[2]]
+        silent = {
+            f"samples of the {arm} without any message": n for arm, n in delivery.missed.items()
+        }
+        rows += [(name, *loss) for loss in (delivery.lost | silent).items() if loss[1]]
+    return rows
 
 
 def _data(found: Sequence[metrics.AnalysedTrial]) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from statistics import fmean
 from typing import Any
 
 import click
+import psutil
 
 from haptic_accel.analysis import latency as measured
 from haptic_accel.bags.delivery import read_delivery
@@ -34,12 +35,6 @@ from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.setup.arguments import GraphArguments, check_both_arms, parse_arguments
 from haptic_accel.setup.processes import arrangement, graph
 from haptic_accel.setup.words import given_keys
-
-try:
-    import psutil
-except ImportError:
-    needed = "bench latency: needs psutil: pip install 'haptic_accel[bench]'"
-    raise ParameterError(needed) from None
 
 ROUNDS = 2
 """Number of rounds in which graph and empty loop alternate, so that both see the same load."""

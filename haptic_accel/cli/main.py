@@ -115,7 +115,6 @@ def _answer(error: Exception) -> tuple[str, int] | None:
         return _of_system(error), process.FAILED
     import click
 
-    from haptic_accel.bags import NO_ROSBAGS, OF_ROSBAGS
     from haptic_accel.cli.output import StoppedError
     from haptic_accel.core.parameters import ParameterError
 
@@ -127,9 +126,32 @@ def _answer(error: Exception) -> tuple[str, int] | None:
         return str(error), process.WRONG_ARGUMENTS
     if isinstance(error, StoppedError):
         return str(error), error.status
-    if isinstance(error, ModuleNotFoundError) and f"{error.name}".partition(".")[0] in OF_ROSBAGS:
-        return NO_ROSBAGS, process.FAILED
+    if isinstance(error, ModuleNotFoundError):
+        return _missing(f"{error.name}".partition(".")[0]), process.FAILED
     return None
+
+
+def _missing(module: str) -> str:
+    """Return how to install the library of a missing module."""
+    import re
+    from collections import Counter
+    from contextlib import suppress
+    from importlib import metadata
+
+    from haptic_accel.bags import NO_ROSBAGS, OF_ROSBAGS
+
+    if module in OF_ROSBAGS:
+        return NO_ROSBAGS
+    with suppress(metadata.PackageNotFoundError):
+        lines = metadata.requires("haptic_accel") or []
+        found = [re.fullmatch(r"([\w.-]+).*extra == \W([\w-]+)\W.*", line) for line in lines]
+        pairs = [each.groups() for each in found if each]
+        sizes = Counter(extra for _, extra in pairs)
+        if extras := [extra for name, extra in pairs if name == module]:
+            # The smallest one is for users, not for development.
+            smallest = min(extras, key=sizes.__getitem__)
+            return f"needs {module}: pip install 'haptic_accel[{smallest}]'"
+    return f"needs {module}, which is not installed"
 
 
 def _of_system(error: OSError) -> str:

@@ -217,12 +217,8 @@ class _Cluster:
         location = f"executor = {address!r}"
         if not re.fullmatch(ADDRESS, address):
             raise ParameterError(f"{location}: must be tcp://HOST:PORT or tls://HOST:PORT")
-        try:
-            from distributed import Client, KilledWorker
-        except ImportError:
-            raise ParameterError(
-                f"{location}: needs dask.distributed: pip install 'haptic_accel[cluster]'"
-            ) from None
+        from distributed import Client, KilledWorker
+
         try:
             self._client = Client(address, timeout=CONNECTING, set_as_default=False)
         except (OSError, ValueError) as error:

@@ -27,9 +27,6 @@ FPS = 30
 
 LEROBOT, HDF5 = "lerobot", "hdf5"
 
-EXTRAS = {LEROBOT: "parquet", "parquet": "parquet", "csv": "parquet", HDF5: "hdf5"}
-"""Extra of the package that a format needs."""
-
 FORMS = (LEROBOT, "parquet", HDF5, "csv", "wav", "mcap-audio")
 
 
@@ -150,30 +147,19 @@ def _write(writer: Writer, bags: Sequence[Path], beside: Path, published: dict[s
 def _writer(
     form: str, fps: int, rate: float, task: str, cameras: Sequence[str]
 ) -> Callable[[Path], Writer]:
-    """Return a function that makes the writer of a format for a folder.
+    """Return a function that makes the writer of a format for a folder."""
+    if form == LEROBOT:
+        from haptic_accel.kits.export.lerobot import LeRobotWriter
 
-    Raises
-    ------
-    StoppedError
-        A library is missing.
-    """
-    try:
-        if form == LEROBOT:
-            from haptic_accel.kits.export.lerobot import LeRobotWriter
+        return partial(LeRobotWriter, fps=fps, rate=rate, task=task, cameras=cameras)
+    if form == HDF5:
+        from haptic_accel.kits.export.hdf5 import Hdf5Writer
 
-            return partial(LeRobotWriter, fps=fps, rate=rate, task=task, cameras=cameras)
-        if form == HDF5:
-            from haptic_accel.kits.export.hdf5 import Hdf5Writer
+        return partial(Hdf5Writer, fps=fps, rate=rate)
+    if form in ("parquet", "csv"):
+        from haptic_accel.kits.export.tables import write_csv, write_parquet
 
-            return partial(Hdf5Writer, fps=fps, rate=rate)
-        if form in ("parquet", "csv"):
-            from haptic_accel.kits.export.tables import write_csv, write_parquet
+        return partial(_Folders, write=write_csv if form == "csv" else write_parquet)
+    from haptic_accel.kits.export.sound import write_audio, write_wav
 
-            return partial(_Folders, write=write_csv if form == "csv" else write_parquet)
-        from haptic_accel.kits.export.sound import write_audio, write_wav
-
-        return partial(_Folders, write=write_wav if form == "wav" else write_audio)
-    except ModuleNotFoundError as error:
-        raise StoppedError(
-            f"format = {form}: needs {error.name}: pip install 'haptic_accel[{EXTRAS[form]}]'"
-        ) from None
+    return partial(_Folders, write=write_wav if form == "wav" else write_audio)

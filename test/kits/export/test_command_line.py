@@ -105,7 +105,7 @@ def test_a_missing_library_is_named_with_its_extra(
         monkeypatch.delitem(sys.modules, f"haptic_accel.kits.export.{module}", raising=False)
     status = status_of("export", recorded.path, "--format", form, "--out", tmp_path / "out")
     assert status == 1
-    line = f"haptic-accel: format = {form}: needs {library}: pip install 'haptic_accel[{extra}]'\n"
+    line = f"haptic-accel: needs {library}: pip install 'haptic_accel[{extra}]'\n"
     assert capsys.readouterr().err == line
     assert list(tmp_path.iterdir()) == []
 
