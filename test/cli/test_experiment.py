@@ -71,6 +71,7 @@ def test_lockstep_gives_the_nine_conditions_and_again_the_same(ran: Ran, here: P
             assert condition[name] == trial[name], name
 
 
+@pytest.mark.slow
 def test_the_papers_loop_has_no_latency(ran: Ran, here: Path) -> None:
     errors = {}
     for latency in (0, 3):

@@ -28,6 +28,7 @@ from haptic_accel.setup.processes import graph
 from haptic_accel.setup.rig_file import update_parameter_file
 from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import parse_words
+from nightly import rest_slow
 from observing import Observer
 from running import Command
 from verbs import WITHOUT_FRICTION, next_command, output_of, status_of
@@ -191,6 +192,7 @@ def test_an_actuator_near_its_stops_is_left_without_force(
 SHORT_TRAVEL = {EVERY_NODE: {"actuator": {"travel": 0.0012}}}
 
 
+@pytest.mark.slow
 def test_default_amplitudes_that_are_too_strong_are_lowered(here: Path) -> None:
     update_parameter_file(here / "short.yaml", SHORT_TRAVEL)
     words = ("--lockstep", "rig:=ideal", "params_file:=short.yaml", *SHORT, *WITHOUT_FRICTION)
@@ -282,10 +284,12 @@ G = 9.80665
 
 @pytest.mark.parametrize(
     ("header", "force", "acceleration", "words"),
-    [
-        ("actuator_force [mN],handle_acceleration [g]", 1000.0, 1 / G, ()),
-        ("actuator_force,handle_acceleration", 1.0, 1 / G, ("m_h = 1.2", "in another unit")),
-    ],
+    rest_slow(
+        [
+            ("actuator_force [mN],handle_acceleration [g]", 1000.0, 1 / G, ()),
+            ("actuator_force,handle_acceleration", 1.0, 1 / G, ("m_h = 1.2", "in another unit")),
+        ]
+    ),
 )
 def test_units_are_converted_or_a_mass_outside_all_sense_is_doubted(
     here: Path,

@@ -411,7 +411,7 @@ def test_output_that_cannot_be_written_is_named_in_one_line(
 
 
 # An experiment analyses its bags and writes the report as `analyze` does.
-@pytest.mark.parametrize("words", SOME_VERBS, ids=lambda words: words[0])
+@pytest.mark.parametrize("words", rest_slow(SOME_VERBS), ids=lambda words: words[0])
 # With less memory, pyarrow, which pandas imports if it is installed, waits for ever.
 @pytest.mark.parametrize("limit", ["unset HOME", "ulimit -n 10", "ulimit -v 500000"])
 def test_a_machine_short_of_something_is_answered_in_one_line(

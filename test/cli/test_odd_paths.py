@@ -21,12 +21,13 @@ from rosbags.typesys import Stores, get_typestore
 from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.setup.files import parameter_paths
+from nightly import rest_slow
 from verbs import ODD_NAMES, WITHOUT_FRICTION, next_words, output_of, refusal, status_of
 
 DATA = Path(__file__).parents[1] / "data"
 
 
-@pytest.fixture(params=ODD_NAMES)
+@pytest.fixture(params=rest_slow(ODD_NAMES[::-1]))
 def odd(request: pytest.FixtureRequest, here: Path) -> Path:
     """Make a folder of an odd name."""
     folder = here / str(request.param)
@@ -97,7 +98,7 @@ def test_a_bag_of_the_other_storage_is_read(odd: Path) -> None:
         np.testing.assert_array_equal(found.signals[name].values, signal.values)
 
 
-@pytest.mark.parametrize("name", ODD_NAMES)
+@pytest.mark.parametrize("name", rest_slow(ODD_NAMES[::-1]))
 def test_a_bag_of_an_odd_name_is_replayed_into_another(here: Path, name: str) -> None:
     shutil.copytree(DATA / "text", here / name)
     assert status_of("replay", here / name, "--lockstep", "duration:=0.5", "--out", "played") == 0

@@ -86,6 +86,7 @@ def test_a_lost_process_loses_nothing(workers: Workers, tmp_path: Path) -> None:
     assert (tmp_path / "was here").exists()
 
 
+@pytest.mark.slow
 def test_an_item_that_ends_every_process_is_given_up(workers: Workers) -> None:
     with pytest.raises(StoppedError, match="processes were lost 3 times without a result"):
         [*workers.map(runs.killed, [1], never)]

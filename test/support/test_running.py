@@ -127,6 +127,7 @@ def test_that_is_stopped():
 """
 
 
+@pytest.mark.slow
 def test_a_failure_beside_a_stall_is_run_again_and_listed_with_its_reason(tmp_path: Path) -> None:
     done = suite(tmp_path, content=STOPPED)
     assert done.returncode == 0, done.stdout
@@ -143,6 +144,7 @@ def test_no_other_failure_is_run_again(tmp_path: Path) -> None:
     assert "run again" not in done.stdout
 
 
+@pytest.mark.slow
 def test_more_than_three_reruns_fail_the_session(tmp_path: Path) -> None:
     done = suite(tmp_path, tests=4, marker="live", fails=1)
     assert "5 passed" in done.stdout

@@ -84,7 +84,7 @@ def test_a_force_that_sustains_itself_is_named_before_any_contact(
 
 @pytest.mark.parametrize("frequency", [20.0, 57.0, 80.0, 173.0, 350.0])
 @pytest.mark.parametrize("controller", ["constant", "dynamic", "inverse"])
-@pytest.mark.parametrize("rig", ["paper", "ideal"])
+@pytest.mark.parametrize("rig", rest_slow(["paper", "ideal"]))
 def test_a_shaker_is_not_taken_for_the_handle(controller: str, frequency: float, rig: str) -> None:
     time = np.arange(round(RATE * SECONDS)) / RATE
     tool = 2.0 * np.sin(2.0 * np.pi * frequency * time)

@@ -351,7 +351,7 @@ EVENTS: dict[str, Event] = {
 }
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(
     st.lists(st.tuples(st.sampled_from(sorted(EVENTS)), st.sampled_from(SIDES)), max_size=12),
     st.floats(0.0, 0.2),

@@ -16,6 +16,7 @@ from scipy import stats
 
 from haptic_accel.core.evaluation import statistics
 from haptic_accel.core.model import FloatArray
+from nightly import rest_slow
 
 # Student's own example, 1908: additional hours of sleep from two drugs, ten patients.
 SLEEP = (
@@ -107,7 +108,7 @@ def test_far_from_the_ends_of_a_range_an_interval_is_students() -> None:
         assert (found.low, found.high) == pytest.approx((free.low, free.high), rel=2e-4)
 
 
-@pytest.mark.parametrize("n", [3, 5, 20])
+@pytest.mark.parametrize("n", rest_slow([3, 5, 20]))
 @pytest.mark.parametrize(
     ("draw", "mean", "highest"),
     [

@@ -26,6 +26,7 @@ from haptic_accel.core.identification.sweep import (
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.trial import run_identification
+from nightly import rest_slow
 
 RATE = 1000.0
 SWEEP = SweepParameters(duration=1.0)
@@ -69,7 +70,7 @@ def test_grips_are_fitted_one_by_one_and_together() -> None:
     assert pinch.k_u < found.fit.handle.k_u < hook.k_u
 
 
-@pytest.mark.parametrize("latency", [0, 1, 20])
+@pytest.mark.parametrize("latency", rest_slow([1, 0, 20]))
 def test_the_delay_found_is_that_of_the_hardware_alone(latency: int) -> None:
     rig = replace(RIG, drive=replace(RIG.drive, delay=150e-6))
     trials = run_identification(rig, SWEEP, RATE, seed=3, latency=latency)
@@ -82,6 +83,7 @@ def test_table_i_lies_in_the_middle_of_the_postures() -> None:
     assert np.multiply(model.POSTURES["pinch"], model.POSTURES["hook"]) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_an_actuator_measured_on_the_bench_is_taken_as_measured() -> None:
     handle = model.HandleParameters(m_a=0.03, k_s=500.0)
     trials = {"average": recorded(replace(RIG, handle=handle))}

@@ -16,6 +16,7 @@ from haptic_accel.core.handle.plant import DiscreteModel, IdentifiedPlant, Plant
 from haptic_accel.core.handle.response import travel_response
 from haptic_accel.core.model import FloatArray, MountParameters, handle_model
 from haptic_accel.core.tick import CUSHION_END
+from nightly import rest_slow
 
 RATE = 1000.0
 IDEAL = Plant().coupled().delayed(1)
@@ -46,7 +47,7 @@ def test_without_limits_it_is_the_bound_of_all_causal_filters(granted: int) -> N
     assert found == pytest.approx(free, abs=0.6)  # which needs motion below 0.2 Hz
 
 
-@pytest.mark.parametrize("low", [8.0, 15.0])
+@pytest.mark.parametrize("low", rest_slow([8.0, 15.0]))
 def test_a_larger_input_costs_more_error_and_never_less_than_without_limits(low: float) -> None:
     errors = []
     for rms in (1.0, 4.0, 12.0, 40.0, 200.0):

@@ -89,6 +89,7 @@ def test_vibration_along_a_line_is_that_of_one_axis() -> None:
         assert bound(WITHOUT, tool).causal == pytest.approx(single.causal, rel=0.02)
 
 
+@pytest.mark.slow
 def test_limits_of_the_coils_cost_error() -> None:
     tool, weak = textures(0.5), replace(COIL, peak_force=0.1)
     found = bound(WITHOUT, tool, actuator=weak)
