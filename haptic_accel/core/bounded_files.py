@@ -89,7 +89,7 @@ def opened(path: str | os.PathLike[str], largest: int) -> Iterator[io.BufferedRe
     Raises
     ------
     OSError
-        The file does not exist, is no regular file, is too large, or is a pointer of Git LFS.
+        The file does not exist, is not a regular file, is too large, or is a pointer of Git LFS.
     """
     try:
         # Do not wait for the other end of a pipe.

@@ -107,7 +107,7 @@ def grip_denominator(handle: HandleParameters, m_h: float, b_u: float, k_u: floa
     actuator = np.array([handle.m_a, handle.b_s, handle.k_s])
     grip = np.array([m_h, handle.b_s + b_u, handle.k_s + k_u])
     bearing = np.array([handle.b_s, handle.k_s])
-    # numpy.polymul and polysub take ten times longer, and a controller waits for the result.
+    # numpy.polymul and polysub take ten times longer, and a controller needs the result at once.
     denominator: FloatArray = np.convolve(actuator, grip)
     denominator[2:] -= np.convolve(bearing, bearing)
     return denominator

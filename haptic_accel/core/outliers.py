@@ -170,7 +170,7 @@ def _departures(samples: FloatArray, begins: IntArray, ends: IntArray) -> IntArr
 def _resolution(samples: FloatArray, begins: IntArray, ends: IntArray) -> float:
     """Return the smallest step of a signal, 0 if it is constant apart from some runs.
 
-    A quiet sensor toggles between two codes. Such steps are no outliers.
+    A quiet sensor toggles between two codes. Such steps are not outliers.
     """
     steps = np.abs(np.diff(samples))
     steps[begins - 1] = 0.0

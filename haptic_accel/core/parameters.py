@@ -48,7 +48,7 @@ def check_positive_rate(rate: float) -> None:
 def printable(text: str, kept: str = "") -> str:
     r"""Return a text with non-printable characters escaped.
 
-    Control characters, writing direction marks, line ends, and bytes that are no text are replaced
+    Control characters, writing direction marks, line ends, and undecodable bytes are replaced
     by Python's escapes, for example ``\x1b``.
 
     Parameters
@@ -335,7 +335,7 @@ def read_decimal(text: str) -> float:
     Raises
     ------
     ValueError
-        The text is no decimal number.
+        The text is not a decimal number.
     """
     return float(_matched(_DECIMAL, text))
 
@@ -346,7 +346,7 @@ def read_whole(text: str) -> int:
     Raises
     ------
     ValueError
-        The text is no whole number, or has more than 300 digits.
+        The text is not a whole number, or has more than 300 digits.
     """
     return int(_matched(_WHOLE, text))
 

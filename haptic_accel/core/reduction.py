@@ -84,8 +84,8 @@ def dft321(acceleration: FloatArray) -> FloatArray:
     Notes
     -----
     Landin, Romano, McMahan, Kuchenbecker, "Dimensional reduction of high-frequency accelerations
-    for haptic rendering", EuroHaptics 2010. The inverse transform is real: its magnitude in place
-    of it would rectify the signal.
+    for haptic rendering", EuroHaptics 2010. The inverse transform is real: using its magnitude
+    instead would rectify the signal.
 
     Examples
     --------

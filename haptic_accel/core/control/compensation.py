@@ -301,7 +301,7 @@ class Compensation(HandleCompensation):
         self.slow_work.add(self._clock() - begun)
 
     def _listen(self) -> None:
-        """Hush the force where the tool may hear it, and end it where it does."""
+        """Interrupt the force if the tool may pick it up; end it if the tool does."""
         for howling in self.howling:
             howling.update()
         is_proved = any(each.proved for each in self.howling)

@@ -115,7 +115,7 @@ def without_hand_motion(
     from scipy import signal
 
     sections = high_pass(high_pass_frequency * MOTION_SHARE, rate)
-    offset = acceleration - acceleration[:1]  # exactly zero for a handle that stands still
+    offset = acceleration - acceleration[:1]  # exactly zero for a handle at rest
     level = offset - np.mean(offset, axis=0)
 
     def twice(values: FloatArray) -> FloatArray:

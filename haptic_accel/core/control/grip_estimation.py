@@ -152,7 +152,7 @@ class GripEstimator(Evaluation):
 
     @property
     def at_end(self) -> dict[str, str]:
-        """Parameters that stay at a bound of their range, each with "upper" or "lower"."""
+        """Parameters that remain at a bound of their range, each with "upper" or "lower"."""
         return {
             name: "upper" if count > 0 else "lower"
             for name, count in zip(GRIP, self._beyond, strict=True)

@@ -100,7 +100,7 @@ class EmergencyStop:
         return stopped and self.stop()
 
     def release(self, now: float, publishers: Sequence[str]) -> str:
-        """Release the stop if possible; return the reason against it, or an empty string.
+        """Release the stop if possible; return the reason for a refusal, or an empty string.
 
         Parameters
         ----------
@@ -231,7 +231,7 @@ class Engagement:
         self.engaged = False
         self.compensated = not parameters.compensated
         self.watches = {arm: ArmWatch(arm, parameters.timeout) for arm in arms}
-        self._freed = ""  # why the arms stay free until a request
+        self._freed = ""  # why the arms remain free until a request
         self.stop = EmergencyStop(now)
         self._differing_since = math.inf
         self._arms_stopped: dict[str, bool] = {}
@@ -325,7 +325,7 @@ class Engagement:
 
     @property
     def _held(self) -> str:
-        """Reason why the arms must stay free; empty if they may be coupled."""
+        """Reason why the arms must remain free; empty if they may be coupled."""
         if self.stop.stopped or any(self._arms_stopped.values()):
             return STOPPED
         return self._freed

@@ -126,7 +126,7 @@ class PassiveParameters(Checked):
 
 
 class _Force(NamedTuple):
-    """Command: force, N; damping part of the force, N; maximum energy given to the arm, J."""
+    """Command: force, N; damping part of the force, N; maximum energy sent to the arm, J."""
 
     total: Vector
     damping: Vector
@@ -301,7 +301,7 @@ class PassiveHalf:
 
     @property
     def _under_way(self) -> float:
-        """Maximum energy that the forces still acting can give to the arm, J."""
+        """Maximum energy that the forces still acting can transfer to the arm, J."""
         return sum(force.reserve for force in self._forces)
 
     @property

@@ -191,7 +191,7 @@ def shift_back(
 def aligned(
     desired: FloatArray, handle: FloatArray, high_pass_frequency: float, rate: float, delay: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return desired and actual acceleration without the hand's own motion, aligned at a delay.
+    """Return desired and actual acceleration without the hand's own motion, aligned by a delay.
 
     Parameters
     ----------
@@ -266,8 +266,9 @@ _LARGEST = 1.0e100  # a diverging rig reaches this value before infinity
 _SMALLEST = 1.0e-100  # root sum of squares; both limits together keep all ratios finite
 
 DIRECTION_SHARE = 0.5
-"""Minimum length of a desired acceleration whose direction counts, as a fraction of its root mean
-square (assumed). Shorter vectors occur at zero crossings, where noise turns the actual one."""
+"""Minimum length of a desired acceleration whose direction counts, as a fraction of its root
+mean square (assumed). Shorter vectors occur at zero crossings, where noise rotates the actual
+vector."""
 
 _FEWEST_SEGMENTS = 4  # not overlapping; the coherence of a single segment is 1
 

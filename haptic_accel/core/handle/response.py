@@ -272,7 +272,7 @@ def approximate_model(handle: HandleParameters) -> ApproximateModel:
     Raises
     ------
     ParameterError
-        The response of the handle vanishes in the band, so that it is no mass on a spring.
+        The response of the handle vanishes in the band, so it is not a mass on a spring.
     """
     from scipy.optimize import least_squares
 

@@ -175,7 +175,7 @@ def identify_handle(
     Raises
     ------
     RecordingError
-        A recording is not suitable; the message gives the reason.
+        A recording is not suitable; the message contains the reason.
     ParameterError
         There is no trial, or a parameter is out of range.
     """

@@ -154,9 +154,9 @@ def simulated(
 def _stepping(point: Point, time: float) -> tuple[FloatArray, FloatArray]:
     """Return transition matrix of state and force over a step in s, and effect of full friction.
 
-    The last row gives the fraction of the friction that acts. It is proportional to the mean slip
-    over the step, including the friction's own effect, up to 1. Constant friction within a step
-    thus cannot reverse a slip.
+    The last row computes the fraction of the friction that acts. It is proportional to the mean
+    slip over the step, including the friction's own effect, up to 1. Constant friction within a
+    step thus cannot reverse a slip.
 
     Returns
     -------

@@ -8,7 +8,7 @@ whose lines have the magnitudes and group delays of that sweep (Mueller and Mass
 Eng. Soc. 49(6), 2001): force and travel at each frequency are those of the sweep, and the crest
 factor is equally low. A trial has four realisations, in which the coils' signs are columns of a
 Hadamard matrix. The excitations of the coils are thus orthogonal at every line, and all nine
-elements of the response are known at the same lines with the least variance for a given force
+elements of the response are known at the same lines with the least variance for a certain force
 (Dobrowiecki and Schoukens, Automatica 43(10), 2007; Pintelon and Schoukens, System Identification,
 2nd ed., 2012). Three realisations would suffice with rotated phases instead of signs. With signs,
 each coil always has the same waveform: its dry friction, which is the same in both directions,

@@ -233,7 +233,7 @@ def height_profile(surface: SurfaceParameters, seed: int | tuple[int, int]) -> F
     ----------
     surface : SurfaceParameters
     seed : int or tuple of int
-        Seed of the texture; another seed gives another piece of the same material.
+        Seed of the texture; another seed yields another piece of the same material.
     """
     random = np.random.default_rng(seed)
     return _roughness(surface, random) + _bumps(surface, random)

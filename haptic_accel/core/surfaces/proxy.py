@@ -19,7 +19,7 @@ STEPS = 8
 
 _ABOVE = 1e-9  # m; a position this far below a plane counts as above it: rounding
 _PARALLEL = 1e-9  # sine squared of the angle between planes that count as parallel
-_ARRIVED = 3e-6  # m; a shorter step is the last: planes turn by less than 0.1 mrad
+_ARRIVED = 3e-6  # m; a shorter step is the last: planes rotate by less than 0.1 mrad
 _SHORTER = 0.1  # fraction of a sample's first step; a shorter step is the last
 
 

@@ -259,7 +259,7 @@ class _Plane:
             mesh = Delaunay(nodes[:, :2])
         except (QhullError, ValueError):
             raise ParameterError("nodes: must not be in line in speed and force") from None
-        # For nearly collinear nodes Qhull makes triangles without an area.
+        # For nearly collinear nodes Qhull returns triangles without an area.
         areas = np.abs(np.linalg.det(nodes[mesh.simplices]))
         self.triangles: IntArray = mesh.simplices[areas > 1e-9]
         self._affine = np.linalg.inv(nodes[self.triangles].transpose(0, 2, 1)) / self._scale

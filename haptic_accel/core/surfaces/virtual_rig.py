@@ -90,7 +90,7 @@ class VirtualArm(SimulatedArm):
     A single-axis accelerometer (z) measures this vibration for any direction of the normal. An
     accelerometer with more axes measures it along the normal. It also measures the resulting
     change of friction, against the motion, and the tool's acceleration along the surface, such as
-    that of stick-slip. The tool does not turn, so its frame is that of the arm.
+    that of stick-slip. The tool does not rotate, so its frame is that of the arm.
 
     Parameters
     ----------

@@ -27,8 +27,8 @@ STEP_MEMORY: float = 1.0
 """Time constant with which the largest step is forgotten, s: several reversals of a stroke."""
 
 COARSEST: float = 1e-3
-"""Step above which a position has jumped, m: such a step is no count of an encoder, not even of
-the simulated ones."""
+"""Step above which a position has jumped, m; the resolution of the simulated encoders is at most
+this."""
 
 FINEST: float = 1e-6
 """Step below which a position counts as smooth, m: 0.3 mN through the paper's spring."""

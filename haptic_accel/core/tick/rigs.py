@@ -861,7 +861,7 @@ class Tip(SimulatedArm):
 
     The surface can only push (Hertz contact with Hunt-Crossley damping). Harder pressing makes the
     contact stiffer and transmits more of the texture. The tip's height follows the profile at the
-    speed of the stroke. The tip stands still until the arm's first force, and returns to its start
+    speed of the stroke. The tip is at rest until the arm's first force, and returns to its start
     after a release.
 
     Parameters
