@@ -106,7 +106,7 @@ root mean square."""
 FALSE_NAMES = *handle_family.FALSE_NAMES, "run identify"
 """Parts of warnings that a handle as described must not have."""
 
-MISPLACED = "hears the handle"
+MISPLACED = "picks up the handle"
 """Part of the warning that only a tool's sensor on the wrong body must have."""
 
 Wiring: TypeAlias = Callable[[Vector, Vector], tuple[Vector, Vector]]

@@ -104,7 +104,7 @@ def unpack_bundle(data: bytes) -> list[Entry]:
     if encapsulation[:2] != _ENCAPSULATION[:2] or dimensions:
         raise ValueError("not a list of bytes in plain little-endian CDR")
     if not end <= len(data) <= end + _PADDING:
-        raise ValueError("not of the length that it says")
+        raise ValueError("of another length than stated")
     if data[offset : offset + len(_MARK)] != _MARK:
         raise ValueError(f"does not begin with {_MARK.decode()}: another version?")
     offset += len(_MARK) + _LENGTH.size
@@ -115,7 +115,7 @@ def unpack_bundle(data: bytes) -> list[Entry]:
         raise ValueError("ends within a sample")
     entries = list(_PARTS.iter_unpack(data[offset:end]))
     if any(index >= len(topics) for _, index, _, _ in entries):
-        raise ValueError("not samples of its topics")
+        raise ValueError("samples of unknown topics")
     return [(topics[index], sent, stamp, numbers) for sent, index, stamp, numbers in entries]
 
 

@@ -98,7 +98,7 @@ class Orientation:
     >>> tool = Orientation()
     >>> tool.put([0.0, 0.0, 0.0, 0.0])
     >>> tool.newest == IDENTITY, tool.problem
-    (True, 'the orientation is no unit quaternion: the last valid one is kept')
+    (True, 'the orientation is not a unit quaternion: the last valid one is kept')
     """
 
     def __init__(self) -> None:
@@ -110,4 +110,4 @@ class Orientation:
         if found := unit_quaternion(values):
             self.newest, self.problem = found, ""
         else:
-            self.problem = "the orientation is no unit quaternion: the last valid one is kept"
+            self.problem = "the orientation is not a unit quaternion: the last valid one is kept"

@@ -191,7 +191,7 @@ def apart_check(tool: float, handle: float) -> Check:
     """Check the tool's response to the probing force against the handle's, both m/s^2 per N."""
     return Check(
         tool <= MOST_HEARD * handle,
-        f"the tool's accelerometer hears {tool / handle:.0%} of the handle's motion (at most"
+        f"the tool's accelerometer picks up {tool / handle:.0%} of the handle's motion (at most"
         f" {MOST_HEARD:.0%})",
         "is each accelerometer on its own side, and in its own input? Do the sides touch?",
     )

@@ -280,7 +280,7 @@ def run_trial(
         The controller is unknown, or the rate, latency or duration is invalid.
     """
     if replayed is not None and replayed.rate != rate:
-        raise ParameterError(f"rate = {rate:g}: must be {replayed.rate:g} Hz as what is replayed")
+        raise ParameterError(f"rate = {rate:g}: must be {replayed.rate:g} Hz as replayed")
     check_positive_rate(rate)
     check_latency(latency)
     if not (np.isfinite(duration) and duration * rate >= 1):

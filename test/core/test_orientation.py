@@ -75,7 +75,7 @@ def test_what_is_no_rotation_is_told_and_turns_nothing(values: list[float]) -> N
     tool = Orientation()
     tool.put(values)
     assert tool.newest == IDENTITY
-    assert "is no unit quaternion" in tool.problem
+    assert "is not a unit quaternion" in tool.problem
     tool.put([1.0, 0.0, 0.0, 0.0])
     assert tool.newest == (1.0, 0.0, 0.0, 0.0)
     assert tool.problem == ""

@@ -79,7 +79,7 @@ def test_a_tool_that_hears_the_handle_is_told() -> None:
     assert signal_checks.apart_check(0.7, 7.0).passed
     heard = signal_checks.apart_check(7.0, 7.0)
     assert not heard.passed
-    assert "hears 100% of the handle's motion" in heard.text
+    assert "picks up 100% of the handle's motion" in heard.text
 
 
 def test_the_time_until_a_handle_is_quiet_is_that_of_its_decay() -> None:

@@ -128,7 +128,7 @@ def test_geoms_are_drawn_where_they_begin(path: Path) -> None:
 
 
 def test_a_scene_that_moves_is_not_changed_into_another(path: Path) -> None:
-    with pytest.raises(ParameterError, match="scene: one that moves begins with the graph"):
+    with pytest.raises(ParameterError, match="scene: no change to or from moving scenes"):
         rig(read_scene(path)).change_scene(read_scene(path))
 
 

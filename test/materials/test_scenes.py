@@ -164,7 +164,7 @@ def test_a_scene_plays_recorded_taps(tmp_path: Path) -> None:
         ({"rate": -1}, "rate = -1.0: must be above 0 Hz"),
         ({"rate": [1, 2]}, "rate = .*: must be a finite number"),
         ({"speeds": ["fast"]}, "speeds = .*: must be numbers"),
-        ({"speeds": [0.2, 0.1]}, "must ascend"),
+        ({"speeds": [0.2, 0.1]}, "must increase"),
         ({"speeds": None}, "speeds = nothing: must be given"),
         ({"samples": [1.0, 2.0]}, r"samples of shape \(2,\)"),
     ],

@@ -120,7 +120,7 @@ def test_the_file_states_units_and_licence(tmp_path: Path) -> None:
         ("rate", -1.0, "rate = -1.0: must be above 0 Hz"),
         ("speeds", [0.0, 0.1], "forces"),
         ("lsf", [[0.5, 1.5], [0.6]], "lsf = .*: must be numbers, in rows"),
-        ("lsf", [[1.5, 0.5] for _ in range(4)], "lsf: must rise"),
+        ("lsf", [[1.5, 0.5] for _ in range(4)], "lsf: must increase"),
         ("deviation", [0.0, -1.0, 1.0, 1.0], "deviation = -1: must be"),
         ("provenance", {"license": "MIT"}, r"provenance.license: unknown \(did you mean licence"),
         ("forcs", [1.0], r"forcs: unknown \(did you mean forces"),

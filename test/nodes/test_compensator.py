@@ -178,7 +178,7 @@ def test_a_turned_handle_has_the_tools_vibration_in_its_own_axes(bench: Bench) -
     # The filters remember the other direction for a while.
     bench.run(0, turned)
     bench.position.send(time.time_ns(), ZERO, (0.0, 0.0, 0.0, 0.0))
-    bench.reported(lambda values: "no unit quaternion" in values[WARNING])
+    bench.reported(lambda values: "not a unit quaternion" in values[WARNING])
     so_far = len(bench.desired)
     bench.run(0, lambda: len(bench.desired) > so_far + 100)
     bench.run(0, turned)  # the last valid orientation is kept

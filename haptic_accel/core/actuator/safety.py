@@ -42,7 +42,7 @@ class ActuatorCommandLimits(Checked):
     max_age: float = parameter(
         MAX_AGE,
         "maximum age of the sample that caused a command, and maximum lead of its stamp;"
-        " beyond, the force is zero",
+        " above these, the force is zero",
         "s",
         1e-3,
         10.0,
@@ -61,7 +61,7 @@ class ArmLimits(ActuatorCommandLimits):
         ARM_PEAK_FORCE, "limit of the arm's force (Phantom Omni: 3.3 N)", "N", 0, 100
     )
     zero_stamp: bool = parameter(
-        True, "accept a command without a stamp, which CRTK allows, as caused at its arrival"
+        True, "accept commands without a stamp, as CRTK allows; their arrival time counts"
     )
 
 

@@ -172,7 +172,7 @@ class Alignment:
         turned = (rotation - rotation.T)[(2, 0, 1), (1, 2, 0)]
         main = int(np.argmax(np.abs(turned)))
         self.warning = (
-            f"the handle's accelerometer is turned by {angle:.0f} degrees, mostly about"
+            f"the handle's accelerometer is rotated by {angle:.0f} degrees, mostly about"
             f" {NAMES[main]}: run calibrate"
         )
 

@@ -13,8 +13,8 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.tick import DESIRED, FORCE, MEASURED, SampleFilter
 
 HEARS = (
-    "the tool's sensor hears the handle: its vibration ends with the force; none took over; check"
-    " the cables and the place of both sensors"
+    "the tool's sensor picks up the handle: its vibration ends with the force; none took over;"
+    " check the cables and positions of both sensors"
 )
 """Message about a force that sustains itself."""
 

@@ -77,8 +77,8 @@ class SensorWatch:
         if is_still and any(latest(trace, FORCE, SEARCHED).any() for trace in self._traces):
             return f"the {name}'s accelerometer does not change while a force acts"
         if unusable >= UNUSABLE_SHARE:
-            return f"{unusable:.0%} of the {name}'s samples are missing, saturated or no numbers"
+            return f"{unusable:.0%} of the {name}'s samples are missing, saturated or not numbers"
         spikes = max(np.mean(outliers(signal)) for signal in signals)
         if spikes > LARGEST_SHARE:
-            return f"{spikes:.0%} of the {name}'s samples are spikes, as of a broken connection"
+            return f"{spikes:.0%} of the {name}'s samples are spikes, as from a broken connection"
         return ""

@@ -29,7 +29,7 @@ s), and the period of the tool's oscillation on the coupling (0.1 s)."""
 class CouplingParameters(Checked):
     """Gains of the coupling; defaults from the paper (0.25 N/mm each way)."""
 
-    k_m: float = parameter(250.0, "stiffness felt at the master", "N/m", 0, 5000.0)
+    k_m: float = parameter(250.0, "stiffness at the master", "N/m", 0, 5000.0)
     k_sl: float = parameter(250.0, "stiffness driving the slave", "N/m", 0, 5000.0)
     damping: float = parameter(
         0.0, "damping of the velocity difference, both ways", "N s/m", 0, 50.0
@@ -119,7 +119,7 @@ class PassiveParameters(Checked):
         50.0,
     )
     energy: float = parameter(
-        2e-3, "energy of each half at the start: the most that it gives its arm", "J", 1e-6, 1.0
+        2e-3, "initial energy of each half: the maximum that its arm receives", "J", 1e-6, 1.0
     )
     scale: float = like(CouplingParameters, "scale")
     max_force: float = like(CouplingParameters, "max_force")

@@ -101,14 +101,14 @@ class Plant(parameters.Checked):
     handle: HandleParameters = field(default_factory=HandleParameters)
     mount: MountParameters = field(default_factory=MountParameters)
     delay: float = parameters.parameter(
-        0.0, "delay from command to force beside the hold: converter, transport", "s", 0.0, 0.02
+        0.0, "delay from command to force after the hold: converter, transport", "s", 0.0, 0.02
     )
     bandwidth: float = parameters.like(AccelerometerParameters, "bandwidth")
     friction: float = parameters.parameter(
         0.0, "dry friction of the actuator's bearing", "N", 0.0, 1.0
     )
     coupling: float = parameters.parameter(
-        250.0, "stiffness of the coupling to the slave, beside the grip's (paper)", "N/m", 0.0, 1e5
+        250.0, "coupling to the slave: stiffness in addition to the grip (paper)", "N/m", 0.0, 1e5
     )
     model: str = parameters.parameter(
         "",

@@ -502,7 +502,7 @@ def check_free(free: Sequence[str]) -> None:
             raise ParameterError(f"free = {name!r}: must be among {', '.join(names)}")
     if not set(free) - {"friction"}:
         given = ", ".join(free) or "()"
-        raise ParameterError(f"free = {given}: must hold at least one parameter beside friction")
+        raise ParameterError(f"free = {given}: must hold at least one parameter besides friction")
     if len(set(free)) < len(free):
         raise ParameterError(f"free = {', '.join(free)}: must hold each parameter once")
     if set(HANDLE) <= set(free):

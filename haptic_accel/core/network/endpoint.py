@@ -357,7 +357,7 @@ class Session:
         if packet.side == self._side:
             return f"both hosts are side:={packet.side}: one must be the other"
         if packet.session in self._former:
-            return "packet of a peer that was followed by another"
+            return "packet of a peer that was replaced by another"
         if packet.session != self.peer and self._lives(now):
             return f"second peer with side:={packet.side}: end one of the two"
         return ""

@@ -41,7 +41,7 @@ class DriveParameters(Checked):
         10.0, "damping of the travel stops (assumed)", "N s/m", 0, 20.0
     )
     delay: float = parameter(
-        0.0, "delay from command to force beside the hold: converter, amplifier", "s", 0, 0.02
+        0.0, "delay from command to force after the hold: converter, amplifier", "s", 0, 0.02
     )
     force_scale: float = parameter(
         1.0, "ratio of force to commanded force; negative: wires swapped", low=-2.0, high=2.0

@@ -91,7 +91,7 @@ class TapModel:
 
     def _check_recordings(self) -> None:
         if self.speeds.ndim != 1 or self.speeds[0] <= 0 or np.any(np.diff(self.speeds) <= 0):
-            raise ParameterError("tap: speeds of the recorded set must ascend from above 0 m/s")
+            raise ParameterError("tap: speeds of the recorded set must increase from above 0 m/s")
         if self.samples.ndim != 2 or len(self.samples) != len(self.speeds):
             raise ParameterError(
                 f"tap: samples of shape {self.samples.shape}: must have one row per impact speed, "

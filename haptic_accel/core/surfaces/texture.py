@@ -359,7 +359,7 @@ class TextureModel:
                 raise ParameterError(f"{name}: order {order}: must be at most {HIGHEST_ORDER}")
             self._set_checked(name, (nodes, order))
             if not is_ordered(getattr(self, name)):
-                raise ParameterError(f"{name}: must rise within 0 to pi at each node")
+                raise ParameterError(f"{name}: must increase within 0 to pi at each node")
         friction = self.coulomb_friction
         if friction is not None and not 0 <= friction < math.inf:
             raise ParameterError(f"coulomb_friction = {friction}: must be at least 0")

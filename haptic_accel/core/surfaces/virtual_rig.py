@@ -203,7 +203,7 @@ class VirtualRig(Rig):
         arm = self._arm
         if scene is not arm.tool.scene:
             if scene.mover or arm.tool.scene.mover:
-                raise ParameterError(f"scene {scene.name}: one that moves begins with the graph")
+                raise ParameterError(f"scene {scene.name}: no change to or from moving scenes")
             arm.tool.change_scene(scene)
         vibrations = {m: v for m, v in arm.vibrations.items() if not v.silent}
         for each in scene.objects:

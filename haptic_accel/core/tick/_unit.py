@@ -40,7 +40,7 @@ def _chosen() -> str:
         if hashlib.sha256(text).hexdigest() != unit.DIGEST:
             raise ImportError("it is of another version; install haptic_accel again")
     except Exception as error:  # a file for another processor, or damaged
-        warn_once(f"plain Python runs in place of the compiled tick: {error}")
+        warn_once(f"plain Python runs instead of the compiled tick: {error}")
         return PLAIN
     sys.modules.update(dict.fromkeys([f"{__package__}.{name}" for name in unit.SECTIONS], unit))
     return COMPILED

@@ -316,7 +316,7 @@ def test_a_sensor_turned_by_ten_degrees_is_told_and_does_no_harm(
     turned = Rotation.from_rotvec(np.radians(10.0) * np.array(axis)).as_matrix()
     tool = textures(3.0)
     felt, warnings = driven(compensation(controller), Handle(COUPLED, turned), tool)
-    assert "the handle's accelerometer is turned by" in warnings[1000]
+    assert "the handle's accelerometer is rotated by" in warnings[1000]
     assert error(tool, felt) < 100.0  # without force
 
 

@@ -47,7 +47,7 @@ def broken(arm: str, fault: Fault) -> dict[str, Sensor]:
 @pytest.mark.parametrize("kind", UNUSABLE)
 def test_samples_that_are_no_numbers_are_told(arm: str, kind: str) -> None:
     part = run_sensed("inverse", "paper", broken(arm, UNUSABLE[kind]), texture()).part
-    text = f"% of the {BODIES[arm]}'s samples are missing, saturated or no numbers"
+    text = f"% of the {BODIES[arm]}'s samples are missing, saturated or not numbers"
     assert text in part.slow.warning
 
 

@@ -144,7 +144,7 @@ def test_a_model_that_lacks_something_shows_in_the_residual() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"free": ()}, r"^free = \(\): must hold at least one parameter beside friction$"),
+        ({"free": ()}, r"^free = \(\): must hold at least one parameter besides friction$"),
         (
             {"free": ("m",)},
             "^free = 'm': must be among m_a, k_s, b_s, m_h, k_u, b_u, mount_frequency,"

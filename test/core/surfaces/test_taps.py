@@ -156,7 +156,7 @@ def test_a_signal_without_ringing_has_no_modes() -> None:
         ({}, "either modes or a recorded set"),
         ({"modes": (WOOD,) * 4}, "4 modes: must be at most 3"),
         ({"modes": (WOOD,), "speeds": np.ones(1)}, "either"),
-        ({"speeds": np.array([0.2, 0.1]), "samples": np.ones((2, 4))}, "must ascend"),
+        ({"speeds": np.array([0.2, 0.1]), "samples": np.ones((2, 4))}, "must increase"),
         ({"speeds": np.ones(1), "samples": np.ones((2, 4))}, r"\(2, 4\).*one row"),
         ({"speeds": np.ones(1), "samples": np.full((1, 4), math.nan)}, "finite"),
         ({"modes": (WOOD,), "rate": 0.0}, "rate = 0"),

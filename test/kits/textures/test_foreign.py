@@ -394,7 +394,7 @@ def test_a_file_without_moving_average_is_autoregressive(tmp_path: Path) -> None
         ("<SampleRate>1000", "<SampleRate>fast", "SampleRate = 'fast': must be a number"),
         ("<var>", "<var>-", "var = -.*: must be at least 0"),
         ("<gain>", "<gain>nan ", "gain = 'nan .*': must be a number"),
-        ('<ARlsf type="array">', "<ARlsf><value>4</value>", "lsf: must rise within 0 to pi"),
+        ('<ARlsf type="array">', "<ARlsf><value>4</value>", "lsf: must increase within 0 to pi"),
         ("model>", "texture>", "nodes = 0: must be three or more"),
     ],
 )

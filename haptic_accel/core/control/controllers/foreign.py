@@ -24,7 +24,7 @@ WINDOW, WINDOWS, LOOK = 0.05, 5, 10
 """Averaging time of this fraction, s; number of successive averages that must exceed the limit, as
 the computer itself may stall in some of them; and number of samples between checks."""
 
-NO_FORCE = "returned {}, which is no finite number"
+NO_FORCE = "returned {}, which is not a finite number"
 """Reason to replace a controller that returned a non-finite force."""
 
 

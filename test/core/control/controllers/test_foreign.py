@@ -71,10 +71,10 @@ RAISED = "raised ValueError: no such thing"
             for place in ("force", "applied", "adapt", "freeze", "diagnostics")
         ),
         ("force", lambda: sys.exit(3), "raised SystemExit: 3"),
-        ("force", lambda: float("nan"), "returned nan, which is no finite number"),
-        ("force", lambda: np.float64("inf"), "returned inf, which is no finite number"),
-        ("force", lambda: None, "returned NoneType, which is no finite number"),
-        ("force", lambda: "0.5", "returned str, which is no finite number"),
+        ("force", lambda: float("nan"), "returned nan, which is not a finite number"),
+        ("force", lambda: np.float64("inf"), "returned inf, which is not a finite number"),
+        ("force", lambda: None, "returned NoneType, which is not a finite number"),
+        ("force", lambda: "0.5", "returned str, which is not a finite number"),
     ],
 )
 def test_none_takes_over_from_a_controller_that_fails(
@@ -99,7 +99,7 @@ def test_none_takes_over_from_a_controller_that_fails(
     ("place", "act", "reason"),
     [
         ("adapt", fail, RAISED),
-        ("force", lambda: float("nan"), "returned nan, which is no finite number"),
+        ("force", lambda: float("nan"), "returned nan, which is not a finite number"),
     ],
 )
 def test_none_takes_over_from_one_of_this_package_too(
