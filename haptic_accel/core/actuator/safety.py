@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.parameters import Checked, parameter
@@ -28,17 +27,16 @@ ARM_PEAK_FORCE = 3.3
 
 AUTOMATIC, MANUAL = "automatic", "manual"
 
-
-def _timeout(default: float) -> Any:
-    meaning = f"time without a command after which the force is zero; {LEAST_PERIODS:g} periods"
-    return parameter(default, f"{meaning} at least", "s", 1e-3, 10.0)
+_TIMEOUT = (
+    f"time without a command after which the force is zero; {LEAST_PERIODS:g} periods at least"
+)
 
 
 @dataclass(frozen=True)
 class ActuatorCommandLimits(Checked):
     """Limits of the actuator's commands, in addition to the actuator's own limits."""
 
-    command_timeout: float = _timeout(ACTUATOR_TIMEOUT)
+    command_timeout: float = parameter(ACTUATOR_TIMEOUT, _TIMEOUT, "s", 1e-3, 10.0)
     max_age: float = parameter(
         MAX_AGE,
         "maximum age of the sample that caused a command, and maximum lead of its stamp;"
@@ -56,7 +54,7 @@ class ActuatorCommandLimits(Checked):
 class ArmLimits(ActuatorCommandLimits):
     """Limits of the commands for an arm's motors."""
 
-    command_timeout: float = _timeout(ARM_TIMEOUT)
+    command_timeout: float = parameter(ARM_TIMEOUT, _TIMEOUT, "s", 1e-3, 10.0)
     peak_force: float = parameter(
         ARM_PEAK_FORCE, "limit of the arm's force (Phantom Omni: 3.3 N)", "N", 0, 100
     )

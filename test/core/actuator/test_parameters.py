@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Numbers that an actuator cannot have."""
+"""Limits that an actuator or a device cannot have."""
 
 from __future__ import annotations
 
@@ -10,25 +10,30 @@ import math
 import pytest
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator.safety import MasterSafetyParameters
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 
 
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("m_a", 0.0),
-        ("k_s", -1.0),
-        ("b_s", math.nan),
-        ("travel", 0.0),
-        ("peak_force", math.inf),
-        ("continuous_force", -2.2),
-        ("thermal_time", 0.0),
-        ("force_constant", 0.0),
+        ("actuator.m_a", 0.0),
+        ("actuator.k_s", -1.0),
+        ("actuator.b_s", math.nan),
+        ("actuator.travel", 0.0),
+        ("actuator.peak_force", math.inf),
+        ("actuator.continuous_force", -2.2),
+        ("actuator.thermal_time", 0.0),
+        ("actuator.force_constant", 0.0),
+        ("actuator.max_age", math.nan),
+        ("arm.command_timeout", 0.0),
+        ("arm.slew_rate", math.inf),
+        ("recovery", "perhaps"),
     ],
 )
-def test_an_impossible_actuator_is_refused(name: str, value: float) -> None:
-    with pytest.raises(ParameterError, match=f"^actuator.{name} = "):
-        from_flat(ActuatorParameters, {f"actuator.{name}": value}, "anything.")
+def test_a_limit_that_cannot_be_is_refused_by_name(name: str, value: object) -> None:
+    with pytest.raises(ParameterError, match=f"^{name} = "):
+        from_flat(MasterSafetyParameters, {name: value})
 
 
 def test_its_parameters_are_in_one_block_wherever_it_is_nested() -> None:

@@ -65,33 +65,6 @@ def test_arms_are_free_until_they_engage_where_they_are_then(part: CouplingPart)
     assert on_slave[2] == pytest.approx((0.0, 0.0, 0.5))
 
 
-def test_a_sample_waits_for_that_of_the_other_arm(part: CouplingPart) -> None:
-    put(part, 1, MASTER, 0.0)
-    put(part, 1, SLAVE, 0.0)
-    part.poll(0.001, listeners=1)
-    commands(part)
-    put(part, 2, MASTER, 0.0)
-    assert commands(part) == []
-    assert part.pairing.waiting
-    put(part, 2, SLAVE, 0.0)
-    assert len(commands(part)) == 2
-    assert not part.pairing.waiting
-
-
-def test_arms_are_free_again_when_one_falls_silent(part: CouplingPart) -> None:
-    put(part, 1, MASTER, 0.0)
-    put(part, 1, SLAVE, 0.0)
-    part.poll(0.001, listeners=1)
-    commands(part)
-    assert part.engaged
-    decision = part.poll(0.001 + RELEASED + STEP_PERIOD, listeners=1)
-    assert decision.release
-    assert not part.engaged
-    put(part, 150, MASTER, 0.0)
-    put(part, 150, SLAVE, 0.0)
-    assert commands(part) == []
-
-
 def test_a_silence_that_nobody_looked_at_ends_the_engagement(part: CouplingPart) -> None:
     put(part, 1, MASTER, 0.0)
     put(part, 1, SLAVE, 0.0)
@@ -162,7 +135,9 @@ def rounding(observer: CountObserver, position: Vector, velocity: Vector) -> Vec
 def estimated(measured: FloatArray, velocity: FloatArray, rate: float) -> FloatArray:
     observer = CountObserver(rate)
     pairs = zip(measured.tolist(), velocity.tolist(), strict=True)
-    return np.array([x - rounding(observer, (0.0, 0.0, x), (0.0, 0.0, v))[2] for x, v in pairs])
+    errors = [rounding(observer, (-x, x, x), (-v, v, v)) for x, v in pairs]
+    assert all(-x == y == z for x, y, z in errors)
+    return measured - np.array([z for _, _, z in errors])
 
 
 def rounded(position: FloatArray) -> FloatArray:

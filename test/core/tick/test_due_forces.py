@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from haptic_accel.core.model import Vector
 from haptic_accel.core.tick import DueForces
 from haptic_accel.core.tick.device_side import IN_TIME
 
@@ -14,15 +15,19 @@ PERIOD = 1e-3
 """Period of the grid, s."""
 
 
+def force(number: float) -> Vector:
+    return (-1.0 * number, 2.0 * number, 1.0 * number)
+
+
 def put(forces: DueForces, sample: int) -> None:
-    forces.put(sample, sample, 0.0, 0.0, float(sample))
+    forces.put(sample, sample, *force(sample))
 
 
 def pop(forces: DueForces, tick: int, *, ahead: bool = False) -> int | None:
     """Return the stamp of the force taken, which is the number of its sample."""
     if not forces.pop(tick, ahead):
         return None
-    assert (forces.x, forces.y, forces.z) == (0.0, 0.0, float(forces.stamp))
+    assert (forces.x, forces.y, forces.z) == force(forces.stamp)
     return forces.stamp
 
 
@@ -75,12 +80,16 @@ def test_a_force_that_is_out_of_date_is_passed_on_at_once_or_never() -> None:
     forces = DueForces(1, PERIOD)
     pop(forces, 6)
     put(forces, 6)
-    forces.pass_on(1000, 0.0, 0.0, 1000.0)
+    forces.pass_on(1000, *force(1000))
     assert pop(forces, 6) == 1000
-    forces.pass_on(1000, 0.0, 0.0, 1000.0)
+    forces.pass_on(1000, *force(1000))
     assert pop(forces, 7) == 6
     assert pop(forces, 10**9) is None
     assert (forces.newest, forces.due, forces.past_tick) == (6, 1, 0)
+    put(forces, 10**9)
+    forces.pass_on(1000, *force(1000))
+    forces.clear()
+    assert pop(forces, 10**9 + 1) is None
 
 
 def test_a_force_overtaken_by_one_that_was_taken_ahead_of_its_tick_is_not_late() -> None:
