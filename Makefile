@@ -72,6 +72,16 @@ sys.exit(process.wait())
 endef
 export INSTALL
 
+# Fails if fewer than 90 % of the mutants were killed.
+define KILLED
+import json, sys
+found = json.load(open("mutants/mutmut-cicd-stats.json"))
+killed = found["killed"] + found["timeout"]
+print("%d of %d mutants killed" % (killed, found["total"]))
+sys.exit(killed < 0.9 * found["total"])
+endef
+export KILLED
+
 # pip, so that a stop in its middle leaves no environment that passes for a whole one.
 define pip_install
 rm -f $(WHOLE)
@@ -124,6 +134,15 @@ test: $(DEV) ## run the test suite: what needs no graph on all cores, then one g
 test-all: SLOW = --slow
 test-all: test ## run the slow tests as well, and those of all kits
 
+.PHONY: mutants
+mutants: $(DEV) ## change what keeps a hand safe, line by line: tests must fail for 90 %
+	@$(BIN)/pip install -q 'mutmut>=3.8,<4'
+	rm -rf mutants
+	HAPTIC_ACCEL_PLAIN=1 $(BIN)/mutmut run $(ARGS)
+	$(BIN)/mutmut results
+	$(BIN)/mutmut export-cicd-stats
+	$(BIN)/python -c "$$KILLED"
+
 .PHONY: lint
 lint: $(DEV) ## check style (ruff) and types (mypy)
 	@failed=
@@ -145,7 +164,7 @@ release: $(DEV) ## build source distribution and wheel in dist, and check them
 
 .PHONY: clean
 clean: ## remove what make, colcon and the tools wrote; results/ is kept
-	@rm -rf $(VENV) build dist install log *.egg-info .benchmarks .hypothesis
+	@rm -rf $(VENV) build dist install log mutants *.egg-info .benchmarks .hypothesis
 	rm -rf .mypy_cache .pytest_cache .ruff_cache
 	find benchmarks docs haptic_accel launch test -name __pycache__ -prune -exec rm -rf {} +
 
