@@ -71,17 +71,17 @@ def change_rig(graph: Command, observer: Observer, ask: Ask) -> None:
 
     status, said = ask("control", "surface:=vinyl", "grip:=hook", "engage:=false")
     surface, grip, arms = said.splitlines()
-    assert (status, arms) == (0, "coupler: released on request")
+    assert (status, arms) == (0, "coupler: free on request")
     assert surface.startswith("slave_device: simulated.surface.")
     assert grip == "master_device: simulated.grip.posture average -> hook"
     unchanged = "master_device: nothing changed: it was so already"
     assert ask("control", "grip:=hook") == (0, unchanged)
-    graph.wait_for("released: released on request")
+    graph.wait_for("uncoupled: free on request")
     # All of the surface, also what its file does not name.
     expected = surface_parameters("vinyl")
     assert {name: value("slave_device", name) for name in expected} == expected
     assert value("master_device", "simulated.grip.posture") == "hook"
-    observer.status("coupler", "released on request")
+    observer.status("coupler", "free on request")
     for force in (topics.MASTER_ARM_FORCE, topics.SLAVE_ARM_FORCE):
         name = force.name
         wait_until(lambda name=name: not observer.node.count_publishers(name), "the arms are left")

@@ -52,7 +52,7 @@ def stop_from_a_terminal(
     assert stop.lines[-1].startswith("emergency stop: both devices are without force (1 process ")
     for topic in STOPPED:
         observer.wait_for_state(topic, True)
-    graph.wait_for("released: emergency stop", after=seen)
+    graph.wait_for("uncoupled: emergency stop", after=seen)
     before = applied(observer)
     # The compensator goes on: what it sends meanwhile is refused.
     observer.collect((topics.ACTUATOR_FORCE,), 100)
@@ -81,7 +81,7 @@ def stop_by_whoever_publishes(graph: Command, observer: Observer) -> None:
         wait_until(lambda found=publisher: found.get_subscription_count() >= 3, "all found")
         seen = len(graph.lines)
         publisher.publish(Bool(data=True))
-        graph.wait_for("released: emergency stop", after=seen)
+        graph.wait_for("uncoupled: emergency stop", after=seen)
         for topic in (topics.MASTER_STOPPED, topics.SLAVE_STOPPED):
             observer.wait_for_state(topic, True)
         observer.node.destroy_publisher(publisher)
@@ -169,7 +169,7 @@ def test_a_bag_of_a_stop_and_its_release_can_be_played_and_does_not_more_than_st
     )
     seen = len(graph.lines)
     button.publish(Bool(data=True))
-    graph.wait_for("released: emergency stop", after=seen)
+    graph.wait_for("uncoupled: emergency stop", after=seen)
     refused = "/observer published true on the topic, or may have: let it publish false, or end it"
     assert released(observer) == (False, refused)
     button.publish(Bool(data=False))
@@ -186,7 +186,7 @@ def test_a_bag_of_a_stop_and_its_release_can_be_played_and_does_not_more_than_st
         (topics.MASTER_ARM_FORCE,), 100
     )  # the device counts again at the arm's first force
     observer.call(SetBool, topics.EMERGENCY_STOP.name, SetBool.Request(data=True))
-    graph.wait_for("released: emergency stop")
+    graph.wait_for("uncoupled: emergency stop")
     so_far, before = len(graph.lines), applied(observer)
     player = start(BAG_PLAYER, tmp_path / "bag", "all")
     assert player.end() == 0, player.text
@@ -266,7 +266,7 @@ def test_a_stop_outlasts_who_gave_it_and_the_coupler_and_all_are_released_or_non
     anybody.publish(Bool(data=True))
     for topic in (topics.MASTER_STOPPED, topics.SLAVE_STOPPED):
         observer.wait_for_state(topic, True)
-    nodes["coupler"].wait_for("released: emergency stop")
+    nodes["coupler"].wait_for("uncoupled: emergency stop")
     observer.node.destroy_publisher(anybody)
     kill(nodes["slave_device"])
     late = begin("slave_device")

@@ -79,7 +79,7 @@ def test_a_graph_passes_its_signals_and_obeys(
     seen = len(graph.lines)
     stop = haptic_accel("estop")
     assert stop.end() == 0, stop.text
-    graph.wait_for("released: emergency stop", after=seen)
+    graph.wait_for("uncoupled: emergency stop", after=seen)
     assert ask("estop", "release:=true")[0] == 0
     graph.wait_for("engaged", after=seen)
     assert graph.end(signal.SIGINT) == 0, graph.text

@@ -52,7 +52,7 @@ def stop_for_a_while(graph: LiveGraph, stopped: str) -> None:
     graph.wait_for(graph.flow(), "forces flow again")
     for force in ARMS:
         assert graph.given(force)[0] >= continued + FREE_TIME, force
-    graph.nodes[stopped].wait_for("released: (no|waiting for the) position of ")
+    graph.nodes[stopped].wait_for("uncoupled: (no|waiting for the) position of ")
 
 
 def wait_for_silence(observer: Observer, device: str, forces: list[str]) -> None:

@@ -147,7 +147,7 @@ DIFFERING = 0.5
 """Maximum time for which a device and the coupler may disagree about the emergency stop, s;
 afterwards all nodes stop. A stop or its release does not reach all nodes at the same time."""
 
-DISENGAGED = "released on request"
+DISENGAGED = "free on request"
 """Reason for free arms after a request to release them."""
 
 
@@ -320,7 +320,7 @@ class Engagement:
             release=release,
             finished=0 < self._parameters.duration <= now - self._first_engaged,
             warning=differing
-            or (f"released: {missing}" if release else self._due_warning(now, missing)),
+            or (f"uncoupled: {missing}" if release else self._due_warning(now, missing)),
         )
 
     @property

@@ -123,7 +123,7 @@ def test_a_position_where_no_arm_can_be_ends_the_engagement(run: Run, x: float) 
     assert run.engagement.due(run.now)
     released = run.engagement.decide(run.now, 2)
     assert released.release
-    assert released.warning.startswith(f"released: slave: position {x:.4g}, 0, 0 m: refused")
+    assert released.warning.startswith(f"uncoupled: slave: position {x:.4g}, 0, 0 m: refused")
     assert run.engagement.refused == 1
 
 
@@ -174,7 +174,7 @@ def test_the_arms_are_released_when_one_falls_silent_and_taken_again(run: Run, a
     assert run.step(0.9 * TIMEOUT, (other,)) == NOTHING
     released = run.step(0.2 * TIMEOUT, (other,))
     assert released == Decision(
-        release=True, warning=f"released: waiting for the position of {arm}"
+        release=True, warning=f"uncoupled: waiting for the position of {arm}"
     )
     assert not run.engagement.engaged
     assert run.step() == NOTHING
@@ -201,7 +201,7 @@ def test_a_request_releases_the_arms_until_the_next(run: Run) -> None:
     run.step()
     assert run.engagement.request(False) == ""
     assert not run.engagement.aside(run.now)
-    assert run.step() == Decision(release=True, warning=f"released: {DISENGAGED}")
+    assert run.step() == Decision(release=True, warning=f"uncoupled: {DISENGAGED}")
     assert not run.engagement.aside(run.now), "the arms have not come to rest"
     assert run.step(2 * WARNING_PERIOD) == NOTHING
     assert run.missing == DISENGAGED
@@ -215,7 +215,7 @@ def test_the_emergency_stop_releases_the_arms_and_refuses_to_engage(run: Run) ->
     run.step()
     assert run.engagement.stop.stop()
     assert not run.engagement.stop.stop()
-    assert run.step(0.0) == Decision(release=True, warning=f"released: {STOPPED}")
+    assert run.step(0.0) == Decision(release=True, warning=f"uncoupled: {STOPPED}")
     assert run.engagement.request(True) == f"{STOPPED}: release it first"
     assert run.missing == STOPPED
     release(run)
@@ -262,7 +262,7 @@ def test_a_device_that_is_stopped_alone_frees_the_arms_and_then_stops_all(arm: s
     run = Run()
     run.step()
     run.engagement.arm_stopped(arm, True)
-    assert run.step(0.0) == Decision(release=True, warning=f"released: {STOPPED}")
+    assert run.step(0.0) == Decision(release=True, warning=f"uncoupled: {STOPPED}")
     assert run.step(0.9 * DIFFERING) == NOTHING
     assert not run.engagement.stop.stopped
     warning = f"emergency stop: only {arm} stopped; all are stopped again"

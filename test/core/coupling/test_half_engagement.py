@@ -207,7 +207,7 @@ def test_hosts_that_disagree_on_the_reference_positions_engage_once_more(side: s
     packet = host.end.peer
     assert packet
     host.engagement.peer_heard(packet._replace(resumes=True), run.now)
-    assert host.part.poll(run.now, 0).warning == f"released: {two_hosts.DIFFERENT}"
+    assert host.part.poll(run.now, 0).warning == f"uncoupled: {two_hosts.DIFFERENT}"
     run.run(FREE_TIME + 0.2)
     assert (run.engaged, run.resumes) == ((True, True), (False, False))
 
@@ -220,7 +220,7 @@ def test_a_peer_that_starts_again_is_engaged_with_anew() -> None:
     run.run(FREE_TIME + 0.2)
     assert run.engaged == (True, True)
     assert run.host(SLAVE).log == ["engaged"]
-    assert run.host(MASTER).log == ["engaged", f"released: {two_hosts.SILENT}", "engaged"]
+    assert run.host(MASTER).log == ["engaged", f"uncoupled: {two_hosts.SILENT}", "engaged"]
 
 
 def test_a_peer_that_starts_again_unnoticed_is_not_taken_for_the_one_before() -> None:
@@ -229,7 +229,7 @@ def test_a_peer_that_starts_again_unnoticed_is_not_taken_for_the_one_before() ->
     packet = run.host(MASTER).end.peer
     assert packet
     master.peer_heard(packet._replace(session=99), run.now)
-    assert master.decide(run.now, 0).warning == f"released: {two_hosts.RESTARTED}"
+    assert master.decide(run.now, 0).warning == f"uncoupled: {two_hosts.RESTARTED}"
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.5])

@@ -76,7 +76,7 @@ def test_a_silence_that_nobody_looked_at_ends_the_engagement(part: CouplingPart)
         assert commands(part) == []
     decision = part.poll(8.02, listeners=1)
     assert decision.release
-    assert decision.warning == "released: no position of slave for 8 s"
+    assert decision.warning == "uncoupled: no position of slave for 8 s"
     ticks = itertools.count(8021)
     while not part.poll((tick := next(ticks)) / RATE, listeners=1).engage:
         put(part, tick, MASTER, 0.05)

@@ -114,7 +114,7 @@ class Hosts:
         yield
         self._since = time.time_ns()
         for host, seen in self._seen.items():
-            self.graphs[host].wait_for("released: ", seen)
+            self.graphs[host].wait_for("uncoupled: ", seen)
         time.sleep(OUTAGE)
         for host, seen in self._seen.items():
             lines = self.graphs[host].lines[seen:]
@@ -173,7 +173,7 @@ def test_what_was_recorded_and_is_sent_again_moves_nothing_and_ends_nothing(host
         replay.stdout.readline()
         seen = len(hosts.graphs[ROBOT].lines)
         time.sleep(OUTAGE)
-        assert not any("released" in line for line in hosts.graphs[ROBOT].lines[seen:])
+        assert not any("uncoupled" in line for line in hosts.graphs[ROBOT].lines[seen:])
         with StallWatch() as stalls:
             with hosts.outage(ROBOT):
                 hosts.kill(OPERATOR)

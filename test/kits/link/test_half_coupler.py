@@ -104,7 +104,7 @@ def _stop_and_release(hosts: Hosts, graphs: dict[str, Command]) -> None:
     # The other host may hear that the arm was let go before it hears of the stop.
     for side, reason in (("master", "emergency stop"), ("slave", "(emergency stop|the peer dis)")):
         graph = graphs[side]
-        graph.wait_for(f"released: {reason}", seen[side])
+        graph.wait_for(f"uncoupled: {reason}", seen[side])
         graph.wait_for(f"{side}_device.*no force until it is released", seen[side])
     for side in ("slave", "master"):
         assert f"{side}_device" in hosts.ask(side, "estop", "release:=true")
@@ -121,7 +121,7 @@ def _kill_and_return(hosts: Hosts, graphs: dict[str, Command]) -> None:
         with suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
     lost.end()
-    graphs["slave"].wait_for("released: waiting for the peer's packets", seen)
+    graphs["slave"].wait_for("uncoupled: waiting for the peer's packets", seen)
     assert hosts.ask("slave", "control", "arm:=true") == "slave_device: armed"
     graphs["master"] = hosts.teleop("master", UNRECORDED)
     for side, after in (("master", 0), ("slave", seen)):
