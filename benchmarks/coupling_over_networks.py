@@ -24,7 +24,7 @@ from haptic_accel import (
     Vector,
     lockstep_trial,
 )
-from haptic_accel.cli.studies import beside
+from haptic_accel.cli.studies import journal_of
 from haptic_accel.commands import (
     Column,
     ResultTable,
@@ -229,7 +229,7 @@ def coupling_over_networks(*, workers: Workers, json_file: Path | None) -> None:
     """
     items = [*CONDITIONS, *range(TRIALS)]
     found, end = run_side_by_side(
-        workers, measure, items, "conditions", progress, beside(json_file)
+        workers, measure, items, "conditions", progress, journal_of(json_file)
     )
     worst = [result for result in found.values() if isinstance(result, float)]
     rows = [result for result in found.values() if not isinstance(result, float)]

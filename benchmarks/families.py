@@ -42,7 +42,7 @@ from haptic_accel import (
     lockstep_trial,
 )
 from haptic_accel.cli.options import controllers_option
-from haptic_accel.cli.studies import beside
+from haptic_accel.cli.studies import journal_of
 from haptic_accel.commands import (
     ResultTable,
     Row,
@@ -631,7 +631,7 @@ def families(
             found += recordings(folder, recording_rate)
     tasks = [Task(member, controllers) for member in found]
     done, end = run_side_by_side(
-        workers, run_member, tasks, "members", progress, beside(json_file)
+        workers, run_member, tasks, "members", progress, journal_of(json_file)
     )
     rows = [done[index] for index in sorted(done)]
     lines = summaries([row for row in rows if row["family"] != "sensors"])

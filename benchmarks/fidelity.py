@@ -27,7 +27,7 @@ from fidelity_trials import (
 
 from haptic_accel import ParameterError
 from haptic_accel.cli.options import controllers_option
-from haptic_accel.cli.studies import beside
+from haptic_accel.cli.studies import journal_of
 from haptic_accel.commands import (
     Workers,
     json_option,
@@ -106,7 +106,9 @@ def fidelity(
     cases = [case for trial in trials for case in with_controllers(trial, controllers)]
     for case in trials:
         graph(case.arguments)  # so that a wrong file is named before all trials
-    found, end = run_side_by_side(workers, run_case, cases, "trials", progress, beside(json_file))
+    found, end = run_side_by_side(
+        workers, run_case, cases, "trials", progress, journal_of(json_file)
+    )
     if rows := [*found.values()]:
         means = summary(rows)
         for each in tables(means):

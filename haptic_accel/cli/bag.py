@@ -42,7 +42,7 @@ def info(path: Path, json_file: Path | None) -> None:
     others = [] if writing else _other_recordings(path, files, metadata)
     own = [file for file in files if all(file.name not in names for names in others)]
     problems = writing or list(_problems(path, own, metadata))
-    facts = facts_of(metadata.custom)
+    trial_metadata = facts_of(metadata.custom)
     when = "no messages"
     if metadata.messages:
         start = datetime.fromtimestamp(metadata.start / NANOSECONDS).astimezone()
@@ -50,10 +50,10 @@ def info(path: Path, json_file: Path | None) -> None:
     form = f"{metadata.storage}, {len(metadata.files)} file(s), {size / 1e6:.1f} MB"
     if metadata.compression_mode:
         form += f", {metadata.compression_format} by {metadata.compression_mode}"
-    print(f"{path}: {when}", form, *_fact_lines(facts), sep="\n")
+    print(f"{path}: {when}", form, *_metadata_lines(trial_metadata), sep="\n")
     rates = (f"{topic.messages / seconds:.1f}" if seconds else "" for topic in metadata.topics)
-    counted = zip(metadata.topics, rates, strict=True)
-    rows = [(topic.name, topic.type, str(topic.messages), rate) for topic, rate in counted]
+    pairs = zip(metadata.topics, rates, strict=True)
+    rows = [(topic.name, topic.type, str(topic.messages), rate) for topic, rate in pairs]
     print_table(ResultTable(("topic", "type", "messages", "per s"), rows, left=2))
     for problem in problems:
         print(problem if writing else f"{problem}: {REPAIR}")
@@ -69,7 +69,7 @@ def info(path: Path, json_file: Path | None) -> None:
         "size_bytes": size,
         "files": [asdict(file) for file in metadata.files],
         "topics": {topic.name: topic.messages for topic in metadata.topics},
-        "facts": facts,
+        "facts": trial_metadata,
         "problems": problems,
         "other_recordings": others,
     }
@@ -138,12 +138,12 @@ def _other_recordings(path: Path, files: Sequence[Path], metadata: Metadata) -> 
     return [each.files for each in read_bags(path, ())[1:]]
 
 
-def _fact_lines(facts: Mapping[str, Any]) -> Iterator[str]:
+def _metadata_lines(trial_metadata: Mapping[str, Any]) -> Iterator[str]:
     """Yield the metadata of the graph, a line each."""
-    if VERSION in facts:
-        yield f"haptic_accel {facts[VERSION]} on {_joined(facts.get(HOST, {}))}"
-        yield f"arguments: {_joined(facts.get(ARGUMENTS, {}))}"
-    parameters = facts.get(PARAMETERS, {})
+    if VERSION in trial_metadata:
+        yield f"haptic_accel {trial_metadata[VERSION]} on {_joined(trial_metadata.get(HOST, {}))}"
+        yield f"arguments: {_joined(trial_metadata.get(ARGUMENTS, {}))}"
+    parameters = trial_metadata.get(PARAMETERS, {})
     if isinstance(parameters, dict) and parameters:
         count = sum(len(values) for values in parameters.values() if isinstance(values, dict))
         yield f"{count} parameters of {', '.join(parameters)} (--json FILE has them)"

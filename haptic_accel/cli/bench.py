@@ -224,13 +224,13 @@ def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool], tic
     return {**metrics, "cpu_cores": usage.cpu_cores, "peak_mb": usage.peak_mb}
 
 
-def _arguments(words: Sequence[str], rate: float, seconds: float) -> GraphArguments:
-    for key in given_keys(words):
+def _arguments(assignments: Sequence[str], rate: float, seconds: float) -> GraphArguments:
+    for key in given_keys(assignments):
         if key in ("rate", "duration", "bag", "record"):
             raise ParameterError(f"{key}: set by the benchmark")
     if not seconds >= 1:
         raise ParameterError(f"seconds = {seconds:g}: must leave at least 1 s for each run")
-    arguments = parse_arguments([*words, f"rate:={rate}", f"duration:={seconds}"])
+    arguments = parse_arguments([*assignments, f"rate:={rate}", f"duration:={seconds}"])
     check_both_arms(arguments)
     # Check all values before the first run.
     graph(arguments)

@@ -118,11 +118,11 @@ def calibrate_input(arguments: AudioInputArguments) -> None:
     update_parameter_file(path, {node: {"accelerometer_device": AUDIO, AUDIO: own}})
     print(f"parameters: {path}, for params_file:={path}")
     if arguments.side == MASTER:
-        words = ["calibrate", AUDIO, f"device:={arguments.device}", f"side:={SLAVE}"]
-        print(next_command(*words, f"input:={arguments.input + 1}", f"file:={path}"))
+        command = ["calibrate", AUDIO, f"device:={arguments.device}", f"side:={SLAVE}"]
+        print(next_command(*command, f"input:={arguments.input + 1}", f"file:={path}"))
     else:
-        words = ["identify", f"params_file:={path}", "--update", str(path), "actuator:=audio"]
-        print(next_command(*words, f"master:={NO_ARM}"))
+        command = ["identify", f"params_file:={path}", "--update", str(path), "actuator:=audio"]
+        print(next_command(*command, f"master:={NO_ARM}"))
 
 
 def _check(arguments: AudioInputArguments) -> None:
@@ -298,8 +298,8 @@ def calibrate_any(words: Sequence[str], update: Path | None) -> None:
     if AUDIO in words:
         if update:
             raise ParameterError(f"--update {update}: use file:={update} with {AUDIO}")
-        given = [word for word in words if word != AUDIO]
-        calibrate_input(parse_words(given, AudioInputArguments))
+        assignments = [word for word in words if word != AUDIO]
+        calibrate_input(parse_words(assignments, AudioInputArguments))
         return
     _calibrate_board(parse_words(words, CalibrateArguments), update)
 
@@ -326,11 +326,11 @@ def _calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None
     print(f"board {identity.serial_number}, axis {arguments.axis}: {found.text}")
     print(f"parameters: {path}, for params_file:={path}")
     if arguments.side == MASTER:
-        words = ["identify", f"params_file:={path}", "--update", str(path)]
+        command = ["identify", f"params_file:={path}", "--update", str(path)]
     else:
-        words = teleoperation_words("", path)
+        command = teleoperation_words("", path)
     device = [] if update else [f"{arguments.side}:=serial"]
-    print(next_command(*words, *device))
+    print(next_command(*command, *device))
 
 
 def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration | AxesCalibration]:

@@ -66,10 +66,10 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
     name = arguments.controller if "controller" in given_keys(words) else DESIGNED[0]
     if name not in DESIGNED:
         raise ParameterError(f"controller = {name!r}: must be one of {', '.join(DESIGNED)}")
-    around, options = Setup.of(arguments).node("compensator")
-    plant = options[PLANT].coupled().delayed(around.latency)
+    compensation, options = Setup.of(arguments).node("compensator")
+    plant = options[PLANT].coupled().delayed(compensation.latency)
     actuator: ActuatorParameters = options[ACTUATOR]
-    loop = Loop(arguments.rate, around.high_pass_frequency, plant, actuator.travel)
+    loop = Loop(arguments.rate, compensation.high_pass_frequency, plant, actuator.travel)
     parameters: InverseParameters = options[name]
     spectrum: ToolSpectrum = parameters.texture
     if is_recording(arguments.surface):

@@ -86,15 +86,15 @@ def examine(arguments: AudioTrialArguments, json_file: Path | None) -> None:
         if preset := audio.PRESETS.get(arguments.preset):
             print(f"assumed: {preset.assumed}", f"to be identified: {preset.unknown}", sep="\n")
         _write(
-            path, *_felt(audio.AudioParameters(preset=arguments.preset, device=arguments.device))
+            path, *_tested(audio.AudioParameters(preset=arguments.preset, device=arguments.device))
         )
     except DeviceError as error:
         raise StoppedError(str(error)) from None
     except EOFError:
         raise StoppedError("the input ended before a channel was named: nothing written") from None
     print("a first touch, not a bench, until `identify actuator:=audio` has found the plant")
-    words = (f"master:={POINTER}", "scope:=true", "scope_control:=true")
-    print(next_command(*teleoperation_words("", path, *words)))
+    assignments = (f"master:={POINTER}", "scope:=true", "scope_control:=true")
+    print(next_command(*teleoperation_words("", path, *assignments)))
 
 
 def _tried_next(cards: Sequence[audio.ListedCard]) -> str:
@@ -121,15 +121,15 @@ def _print_cards(cards: Sequence[audio.ListedCard]) -> None:
     print_table(ResultTable(headings, rows, "Sound cards with outputs", left=2))
 
 
-def _felt(parameters: audio.AudioParameters) -> tuple[audio.AudioParameters, audio.SoundCard]:
+def _tested(parameters: audio.AudioParameters) -> tuple[audio.AudioParameters, audio.SoundCard]:
     """Play on each channel; return parameters with the perceived channels, and the card."""
     print("a soft tone comes on each channel: hold the handle, and start with the amplifier low")
     answer = AGAIN
     while True:
         if answer == AGAIN:
             card = _played_on_all(parameters)
-        asked = f"which one did you feel? Type it, or several as 3, 4; {AGAIN} to play again\n"
-        if (answer := input(asked).strip()) == AGAIN:
+        question = f"which one did you feel? Type it, or several as 3, 4; {AGAIN} to play again\n"
+        if (answer := input(question).strip()) == AGAIN:
             continue
         found = replace(parameters, channels=answer or "none")
         try:

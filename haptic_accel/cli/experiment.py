@@ -54,7 +54,7 @@ DURATION = 10.0
 UNFINISHED = "unfinished.part"
 """File that marks the folder of an unfinished experiment, with its results."""
 
-AROUND = 4.0
+OVERHEAD = 4.0
 """Estimated time for starting and stopping the graph, s, for the time left."""
 
 
@@ -107,18 +107,18 @@ def experiment(
     surface and controller restrict the conditions; duration is that of one condition, 10 s by
     default. surface:=FILE.csv puts a recording in place of the surfaces.
     """
-    given = given_keys(words)
-    arguments = _checked(names.parse_arguments(words), given, seeds, lockstep)
+    keys = given_keys(words)
+    arguments = _checked(names.parse_arguments(words), keys, seeds, lockstep)
     channel = _channel(delay, jitter, loss, lockstep)
     plan = [
         replace(arguments, surface=surface, controller=controller, seed=arguments.seed + seed)
         for seed in range(seeds)
         for surface in (
             [arguments.surface]
-            if "surface" in given or arguments.slave == names.VIRTUAL
+            if "surface" in keys or arguments.slave == names.VIRTUAL
             else names.SURFACES
         )
-        for controller in ([arguments.controller] if "controller" in given else controllers)
+        for controller in ([arguments.controller] if "controller" in keys else controllers)
     ]
     # Find all wrong arguments before any run.
     processes = [graph(planned) for planned in plan]
@@ -142,13 +142,13 @@ def experiment(
 
 
 def _checked(
-    arguments: names.GraphArguments, given: Sequence[str], seeds: int, lockstep: bool
+    arguments: names.GraphArguments, keys: Sequence[str], seeds: int, lockstep: bool
 ) -> names.GraphArguments:
     """Return the arguments with a condition's duration; refuse those that cannot be run."""
     names.check_both_arms(arguments)
     if arguments.master == names.POINTER:
         raise ParameterError(f"master = '{names.POINTER}': an experiment has no user to move it")
-    if "duration" not in given:
+    if "duration" not in keys:
         arguments = replace(arguments, duration=DURATION)
     elif arguments.duration < 1:
         raise ParameterError(
@@ -158,7 +158,7 @@ def _checked(
         raise ParameterError(f"seeds = {seeds}: must be 1 without --lockstep")
     if lockstep:
         names.check_lockstep(arguments, "with --lockstep")
-    for key in given:
+    for key in keys:
         if key in ("bag", "record"):
             raise ParameterError(f"{key}: set by an experiment, which records to its own folder")
     return arguments
@@ -183,12 +183,12 @@ def _run_live(
         bag, arguments = condition.bag, condition.arguments
         table.set_aside(bag)
 
-        def asked(index: int = index, started: float = time.monotonic()) -> bool:
-            part = (time.monotonic() - started) / (arguments.duration + AROUND)  # noqa: B023
+        def is_stopped(index: int = index, started: float = time.monotonic()) -> bool:
+            part = (time.monotonic() - started) / (arguments.duration + OVERHEAD)  # noqa: B023
             show(index + min(part, 1.0))
             return stop()
 
-        run_to_end(Supervisor(graph(replace(arguments, bag=str(bag)))), asked)
+        run_to_end(Supervisor(graph(replace(arguments, bag=str(bag)))), is_stopped)
         trials = analyse([bag]).trials
         yield (
             index,
@@ -209,8 +209,8 @@ def _report(run: Run, folder: Path, json_file: Path | None, workers: Workers) ->
     warnings = list(table.experiment_warnings(analysis, composed=run.arguments.composed))
     page = write_experiment(run, analysis, folder, *warnings)
     save(table.experiment_metrics(run, analysis), json_file)
-    if beside := table.beside_lockstep(analysis, run.expected):
-        print_table(beside)
+    if comparison := table.beside_lockstep(analysis, run.expected):
+        print_table(comparison)
     print_analysis(analysis, None, *warnings, f"report: {page}")
     return {trial.segment.bag for trial in analysis.trials} == set(run.done)
 
@@ -218,9 +218,9 @@ def _report(run: Run, folder: Path, json_file: Path | None, workers: Workers) ->
 def _in_lockstep(done: Mapping[Path, names.GraphArguments], workers: Workers) -> dict[Path, float]:
     """Return the errors of the same conditions in lockstep, %, by bag; empty for real devices."""
     simulated = {
-        bag: given
-        for bag, given in done.items()
-        if given.master == names.SIMULATED and given.slave in (names.SIMULATED, names.VIRTUAL)
+        bag: args
+        for bag, args in done.items()
+        if args.master == names.SIMULATED and args.slave in (names.SIMULATED, names.VIRTUAL)
     }
     with stop_on_signal() as stop:
         errors = workers.map(table.lockstep_error, list(simulated.values()), stop)

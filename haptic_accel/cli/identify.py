@@ -144,8 +144,8 @@ def identify(
             recorded = identification.read_recordings(recordings, first.arguments, recording_rate)
         for error in recorded.left_out:
             print(advise(error), file=sys.stderr)
-        with shown_stages(identification.evaluation_stages(recorded.trials)) as tell:
-            return first, recorded, identification.evaluate(recorded.trials, first, free, tell)
+        with shown_stages(identification.evaluation_stages(recorded.trials)) as show:
+            return first, recorded, identification.evaluate(recorded.trials, first, free, show)
 
     with nullcontext() if lockstep or sources else sole_graph(arguments.namespace):
         folder = output.results_folder(out, "identify_")
@@ -267,15 +267,15 @@ def _shown(recordings: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Path]]
 def _next(arguments: IdentifyArguments, update: Path | None, parameters: Path) -> list[str]:
     """Return the command that runs the identified handle, with settings that no file has."""
     names = ("rig",) if update else ("rig", "master", "actuator", "accelerometers", "rate")
-    told = {name: getattr(arguments, name) for name in names}
+    settings = {name: getattr(arguments, name) for name in names}
     known = schema(IdentifyArguments)
-    words = [
+    assignments = [
         f"{name}:={value:g}" if isinstance(value, float) else f"{name}:={value}"
-        for name, value in told.items()
+        for name, value in settings.items()
         if value != known[name][0]
     ]
-    words = ["controller:=adaptive", *words]
-    return teleoperation_words(arguments.params_file, update or parameters, *words)
+    assignments = ["controller:=adaptive", *assignments]
+    return teleoperation_words(arguments.params_file, update or parameters, *assignments)
 
 
 def _by_grip(arguments: IdentifyArguments, grips: Sequence[str]) -> dict[str, IdentifyArguments]:

@@ -84,7 +84,7 @@ class LazyGroup(click.Group):
     ) -> None:
         super().__init__(name, no_args_is_help=False, subcommand_metavar="VERB ...", **settings)
         self._own = sections
-        self._names = [name for verbs in sections.values() for name in verbs]
+        self._names = [name for commands in sections.values() for name in commands]
         self._own_groups = {group.name or "": group for group in groups}
         self._module = module
         self._entry_points = entry_points
@@ -99,15 +99,15 @@ class LazyGroup(click.Group):
     @cached_property
     def sections(self) -> Mapping[str, Mapping[str, str]]:
         """Summaries of all subcommands, by heading and name."""
-        found = {heading: dict(verbs) for heading, verbs in self._own.items()}
+        found = {heading: dict(commands) for heading, commands in self._own.items()}
         for name, kit in self.kits.items():
             found.setdefault(kit.heading, {})[name] = kit.summary
-        return {heading: verbs for heading, verbs in found.items() if verbs}
+        return {heading: commands for heading, commands in found.items() if commands}
 
     @property
     def verbs(self) -> list[str]:
         """Names of all subcommands, in the order of their headings."""
-        return [verb for verbs in self.sections.values() for verb in verbs]
+        return [command for verbs in self.sections.values() for command in verbs]
 
     @cached_property
     def groups(self) -> Mapping[str, click.Group]:
@@ -134,20 +134,20 @@ class LazyGroup(click.Group):
             return kit.group or self._imported(kit.module, cmd_name)
         return None
 
-    def _imported(self, module: str, verb: str) -> click.Command:
+    def _imported(self, module: str, command: str) -> click.Command:
         """Return a subcommand from a module, or from a package of modules."""
         try:
             with guard(module):
                 modules = [import_module(module)]
                 if hasattr(modules[0], "__path__"):
-                    within = (f"{module}.{name}" for name in (self.name, verb))
+                    within = (f"{module}.{name}" for name in (self.name, command))
                     modules = [import_module(each) for each in within if find_spec(each)]
                 for each in (each for here in modules for each in vars(here).values()):
-                    if isinstance(each, click.Command) and each.name == verb:
+                    if isinstance(each, click.Command) and each.name == command:
                         return each
         except OutsideError as error:
-            raise StoppedError(f"{verb}: {error}") from None
-        raise StoppedError(f"{verb}: {module} has no click command of this name")
+            raise StoppedError(f"{command}: {error}") from None
+        raise StoppedError(f"{command}: {module} has no click command of this name")
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -164,9 +164,9 @@ class LazyGroup(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the summaries of the subcommands without importing any."""
-        for heading, verbs in self.sections.items():
+        for heading, commands in self.sections.items():
             with formatter.section(heading):
-                formatter.write_dl(list(verbs.items()))
+                formatter.write_dl(list(commands.items()))
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the examples."""
@@ -188,14 +188,14 @@ def _kit_verbs(group: str, own: Collection[str]) -> dict[str, KitVerb]:
     return found
 
 
-def _verb_problem(verb: Any) -> str:
+def _verb_problem(command: Any) -> str:
     """Return the reason to refuse a loaded object as a subcommand; empty if there is none."""
-    if not isinstance(verb, KitVerb):
+    if not isinstance(command, KitVerb):
         return "must be a KitVerb"
-    texts = (verb.heading, verb.summary, verb.module)
+    texts = (command.heading, command.summary, command.module)
     if not (all(isinstance(each, str) for each in texts) and texts[0]):
         return "heading, summary and module must be text"
-    return "" if isinstance(verb.group, LazyGroup | None) else "group must be a LazyGroup"
+    return "" if isinstance(command.group, LazyGroup | None) else "group must be a LazyGroup"
 
 
 def write_examples(formatter: click.HelpFormatter, examples: Sequence[str]) -> None:

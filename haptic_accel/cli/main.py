@@ -24,37 +24,37 @@ if TYPE_CHECKING:
     from haptic_accel.graph.stop_signal import Signalled
 
 
-def main(words: Sequence[str] | None = None) -> None:
+def main(argv: Sequence[str] | None = None) -> None:
     """Run the command line and exit.
 
     Parameters
     ----------
-    words : sequence of str, optional
+    argv : sequence of str, optional
         Subcommand and its arguments; default: those of this process.
     """
-    given = sys.argv[1:] if words is None else list(words)
+    arguments = sys.argv[1:] if argv is None else list(argv)
     sys.unraisablehook = process.report_unraisable
 
     def act() -> int | None:
         signalled: Signalled | None = None
-        if given[:1] == ["estop"]:
+        if arguments[:1] == ["estop"]:
             from haptic_accel.graph.stop_signal import hurry, stop_at_once
 
-            if words is None:  # this process does nothing but the stop
+            if argv is None:  # this process does nothing but the stop
                 hurry()
-            signalled = stop_at_once(given[1:])
+            signalled = stop_at_once(arguments[1:])
         # Parallel runs take a core each. With little memory, BLAS would wait forever for threads
         # that it cannot start.
         for variable in process.BLAS_THREADS:
             os.environ.setdefault(variable, "1")
         from haptic_accel.cli.commands import command_line
 
-        return _status(command_line, "haptic-accel", given, signalled)
+        return _status(command_line, "haptic-accel", arguments, signalled)
 
     _exit(act, "haptic-accel")
 
 
-def run(command: click.Command, name: str, words: Sequence[str] | None = None) -> None:
+def run(command: click.Command, name: str, argv: Sequence[str] | None = None) -> None:
     """Run a command and exit; report an error in one line.
 
     Parameters
@@ -63,22 +63,22 @@ def run(command: click.Command, name: str, words: Sequence[str] | None = None) -
         Command that returns its exit status, or None for success.
     name : str
         Name of the program.
-    words : sequence of str, optional
+    argv : sequence of str, optional
         Command line; default: of this process.
     """
-    _exit(lambda: _status(command, name, words), name)
+    _exit(lambda: _status(command, name, argv), name)
 
 
 def _status(
     command: click.Command,
     name: str,
-    words: Sequence[str] | None,
+    argv: Sequence[str] | None,
     signalled: Signalled | None = None,
 ) -> int | None:
     from haptic_accel.cli.output import printable_output
 
     with printable_output():
-        status = command.main(words, name, standalone_mode=False, obj=signalled)
+        status = command.main(argv, name, standalone_mode=False, obj=signalled)
     return status if status is None else int(status)
 
 
@@ -102,7 +102,7 @@ def _exit(act: Callable[[], int | None], name: str) -> NoReturn:
         if line:
             from haptic_accel.core.parameters import printable
 
-            _tell(printable(f"{name}: {' '.join(line.split())}"))
+            _print_error(printable(f"{name}: {' '.join(line.split())}"))
     _leave_output()
     sys.exit(status)
 
@@ -164,7 +164,7 @@ def _of_system(error: OSError) -> str:
     return f"output: {reason}" if error.errno in (errno.ENOSPC, errno.EDQUOT) else reason
 
 
-def _tell(line: str) -> None:
+def _print_error(line: str) -> None:
     try:
         print(line, file=sys.stderr, flush=True)
     except OSError:  # standard error is closed, too

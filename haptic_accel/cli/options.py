@@ -70,8 +70,8 @@ class Words(click.Argument):
             found = [CompletionItem(key) for key in keys if key.startswith(incomplete)]
             return found or [CompletionItem(incomplete, type="file")]
         known = [schema(kind)[key][1] for kind in self.kinds if key in schema(kind)]
-        words = [f"{key}:={choice}" for given in known for choice in given.choices]
-        return [CompletionItem(word) for word in words if word.startswith(incomplete)]
+        pairs = [f"{key}:={choice}" for each in known for choice in each.choices]
+        return [CompletionItem(pair) for pair in pairs if pair.startswith(incomplete)]
 
 
 class WordOption(click.Option):
@@ -121,20 +121,20 @@ class Verb(click.Command):
             check_writable(update, "update")
             check_updatable(update)
         options = [each.name for each in self.params if isinstance(each, WordOption)]
-        given = {name: ctx.params.pop(name) for name in options}
-        more = [f"{name}:={value}" for name, value in given.items() if value is not None]
+        values = {name: ctx.params.pop(name) for name in options}
+        more = [f"{name}:={value}" for name, value in values.items() if value is not None]
         for each in self.params:
             if isinstance(each, Words):
-                words = [*ctx.params[each.name], *more]
+                texts = [*ctx.params[each.name], *more]
                 parsed = each.name == "arguments"
-                ctx.params[each.name] = parse_words(words, *each.kinds) if parsed else words
+                ctx.params[each.name] = parse_words(texts, *each.kinds) if parsed else texts
         try:
             return super().invoke(ctx)
         except ModuleNotFoundError as error:
             if (error.name or "").partition(".")[0] not in ROS_PACKAGES:
                 raise
-            verb = ctx.command_path.partition(" ")[2] or ctx.command_path
-            raise StoppedError(f"{verb} {NEEDS_ROS}") from None
+            path = ctx.command_path.partition(" ")[2] or ctx.command_path
+            raise StoppedError(f"{path} {NEEDS_ROS}") from None
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options; those with a heading come last."""
@@ -168,12 +168,12 @@ def listed_words(text: str) -> list[str]:
 
 def one_of(known: Iterable[str]) -> Callable[[str], str]:
     """Return a parser for one of the known words; its error names the nearest one."""
-    words = list(known)
+    choices = list(known)
 
     def read(text: str) -> str:
-        if text not in words:
-            near = suggestion(text, words)
-            raise click.BadParameter(f"{text!r}: must be one of {', '.join(words)}{near}")
+        if text not in choices:
+            near = suggestion(text, choices)
+            raise click.BadParameter(f"{text!r}: must be one of {', '.join(choices)}{near}")
         return text
 
     return read
@@ -231,26 +231,26 @@ def available_cores() -> int:
     return os.cpu_count() or 1  # on macOS and Windows
 
 
-def workers_options(verb: F) -> F:
+def workers_options(command: F) -> F:
     """Add the options for the processes that run conditions in parallel."""
 
-    @wraps(verb)
-    def with_workers(*given: Any, jobs: int, executor: str, **settings: Any) -> Any:
+    @wraps(command)
+    def with_workers(*args: Any, jobs: int, executor: str, **settings: Any) -> Any:
         # Imported here, as its libraries are slow to load and only commands with conditions need
         # them.
         from haptic_accel.cli.workers import Workers
 
-        return verb(*given, workers=Workers(jobs, executor), **settings)
+        return command(*args, workers=Workers(jobs, executor), **settings)
 
-    beside = partial(click.option, cls=GroupedOption, heading="Trials in parallel")
-    jobs = beside(
+    option = partial(click.option, cls=GroupedOption, heading="Trials in parallel")
+    jobs = option(
         "--jobs",
         type=click.IntRange(1, 1024),
         default=available_cores(),
         show_default="number of cores",
         help="Number of parallel trials, without ROS; results do not depend on it.",
     )
-    executor = beside(
+    executor = option(
         "--executor",
         default="",
         show_default=False,
@@ -289,11 +289,11 @@ def arguments(kind: type[Checked]) -> Callable[[F], F]:
 def word_options(names: Iterable[str]) -> Callable[[F], F]:
     """Add options that are equivalent to some of the arguments."""
 
-    def declare(verb: F) -> F:
+    def declare(command: F) -> F:
         for name in reversed([*names]):
             option = f"--{name.replace('_', '-')}"
             text = f"The same as {name}:=VALUE."
-            verb = click.option(option, cls=WordOption, hidden=True, help=text)(verb)
-        return verb
+            command = click.option(option, cls=WordOption, hidden=True, help=text)(command)
+        return command
 
     return declare

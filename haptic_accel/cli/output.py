@@ -119,7 +119,7 @@ class _Unescaped:
         return getattr(self._stream, name)
 
 
-def next_command(*words: str, host: str = "") -> str:
+def next_command(*arguments: str, host: str = "") -> str:
     """Return a line with the usual next command, on this host or another one.
 
     Examples
@@ -127,7 +127,7 @@ def next_command(*words: str, host: str = "") -> str:
     >>> next_command("analyze", "my bags")
     "next: haptic-accel analyze 'my bags'"
     """
-    line = " ".join(map(quoted, ["haptic-accel", *words]))
+    line = " ".join(map(quoted, ["haptic-accel", *arguments]))
     return f"next{f' on {host}' if host else ''}: {line}"
 
 

@@ -17,7 +17,7 @@ from haptic_accel.analysis.replay import COLUMNS, PlayedCondition, play, progres
 from haptic_accel.cli import options
 from haptic_accel.cli.output import make_folder, next_command, save
 from haptic_accel.cli.running import run_shown
-from haptic_accel.cli.studies import beside, run_side_by_side
+from haptic_accel.cli.studies import journal_of, run_side_by_side
 from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
@@ -81,19 +81,19 @@ def replay(
         each = [[bag, *arguments] for bag in bags] or [arguments]
         _play(_planned(each), controllers, workers, json_file, out)
         return
-    for option, given in (("controllers", controllers), ("json", json_file), ("out", out)):
-        if given:
+    for option, setting in (("controllers", controllers), ("json", json_file), ("out", out)):
+        if setting:
             raise ParameterError(f"--{option}: only with --lockstep")
     if len(bags) > 1:
         raise ParameterError(f"bag = {' '.join(names)}: must be one bag, without --lockstep")
-    asked = replay_arguments([*bags, *arguments])
-    processes = graph(asked.graph)
-    if asked.inherited:
-        shown = " ".join(f"{name}:={value}" for name, value in asked.inherited.items())
+    requested = replay_arguments([*bags, *arguments])
+    processes = graph(requested.graph)
+    if requested.inherited:
+        shown = " ".join(f"{name}:={value}" for name, value in requested.inherited.items())
         print(f"as in the bag: {shown}", flush=True)
-    if asked.graph.slave == PLAYED_TOPICS:
-        print(f"once it is ready, where ROS 2's tools are: {play_command(asked)}", flush=True)
-    run_shown(processes, expected=expected_seconds(asked) if sys.stdout.isatty() else 0.0)
+    if requested.graph.slave == PLAYED_TOPICS:
+        print(f"once it is ready, where ROS 2's tools are: {play_command(requested)}", flush=True)
+    run_shown(processes, expected=expected_seconds(requested) if sys.stdout.isatty() else 0.0)
 
 
 def _play(
@@ -105,22 +105,22 @@ def _play(
 ) -> None:
     """Play each bag through each controller, default: the bag's; print and write the metrics."""
     if out:
-        names = Counter(_name(asked, each) for asked in plan for each in controllers or [""])
+        names = Counter(_name(planned, each) for planned in plan for each in controllers or [""])
         name, count = names.most_common(1)[0]
         if count > 1:
             raise ParameterError(f"out: two bags would be called {name}")
         make_folder(out)
     conditions = [
         PlayedCondition(
-            asked.own,
-            replace(asked.graph, controller=controller),
-            asked.touched,
-            out / _name(asked, controller) if out else None,
+            planned.own,
+            replace(planned.graph, controller=controller),
+            planned.touched,
+            out / _name(planned, controller) if out else None,
         )
-        for asked in plan
-        for controller in controllers or [asked.graph.controller]
+        for planned in plan
+        for controller in controllers or [planned.graph.controller]
     ]
-    journal = None if out else beside(json_file)
+    journal = None if out else journal_of(json_file)
     found, end = run_side_by_side(workers, play, conditions, "conditions", progress, journal)
     done = [*found.values()]
     print_table(ResultTable.of(COLUMNS, done, left=3, title="Replayed in lockstep"))
@@ -141,9 +141,9 @@ def _planned(each: Sequence[Sequence[str]]) -> list[Replay]:
     """
     plan: list[Replay] = []
     empty: list[NothingRecordedError] = []
-    for words in each:
+    for assignments in each:
         try:
-            plan.append(touching(in_lockstep(replay_arguments(words))))
+            plan.append(touching(in_lockstep(replay_arguments(assignments))))
         except NothingRecordedError as error:
             empty.append(error)
     if not plan:
@@ -153,6 +153,6 @@ def _planned(each: Sequence[Sequence[str]]) -> list[Replay]:
     return plan
 
 
-def _name(asked: Replay, controller: str) -> str:
+def _name(planned: Replay, controller: str) -> str:
     """Return the name of a condition's bag."""
-    return f"{Path(asked.own.bag).stem}_{controller}"
+    return f"{Path(planned.own.bag).stem}_{controller}"

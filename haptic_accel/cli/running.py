@@ -64,10 +64,10 @@ def stop_on_signal(act: Callable[[], None] = lambda: None) -> Iterator[Callable[
     act : callable, optional
         Called at each signal.
     """
-    asked = threading.Event()
+    signalled = threading.Event()
 
     def handle(*_: object) -> None:
-        asked.set()
+        signalled.set()
         act()
 
     before = {
@@ -77,7 +77,7 @@ def stop_on_signal(act: Callable[[], None] = lambda: None) -> Iterator[Callable[
         if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN
     }
     try:
-        yield asked.is_set
+        yield signalled.is_set
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -119,9 +119,9 @@ def _write(data: bytes) -> None:
 
 def _lose_output() -> None:
     """Redirect standard output to the null device, and standard error if it has no reader."""
-    look = select.poll()
-    look.register(2, 0)
-    lost = (1, 2) if look.poll(0) else (1,)
+    poller = select.poll()
+    poller.register(2, 0)
+    lost = (1, 2) if poller.poll(0) else (1,)
     null = os.open(os.devnull, os.O_WRONLY)
     for descriptor in lost:
         os.dup2(null, descriptor)
@@ -203,11 +203,11 @@ def run_shown(
             supervisor.say(hint)
         with progress:
             outcome = supervisor.run(stopped)
-    beside = ["PEERS_BAG"] * any(each.executable == LINK for each in processes)
+    peers = ["PEERS_BAG"] * any(each.executable == LINK for each in processes)
     for bag in bags:
         started = engaged or not outcome.failed
         with suppress(OSError):
-            print_line(next_command("analyze", bag, *beside) if started else f"{NOTHING}: {bag}")
+            print_line(next_command("analyze", bag, *peers) if started else f"{NOTHING}: {bag}")
     _conclude(outcome)
     if endless and outcome.first:
         print(f"{outcome.first} ended", file=sys.stderr)

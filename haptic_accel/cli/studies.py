@@ -66,7 +66,7 @@ class Journal:
         self.file.unlink(missing_ok=True)
 
 
-def beside(json_file: Path | None) -> Journal | None:
+def journal_of(json_file: Path | None) -> Journal | None:
     """Return the journal of a study whose results go to a JSON file."""
     return Journal(json_file.with_name(f"{json_file.name}.part")) if json_file else None
 
@@ -141,17 +141,17 @@ def run_study(
                     if journal:
                         journal.add(keys[index], result)
                     if text := line(result):
-                        told = f"{len(done)} of {len(items)}: {text}"
-                        tell_supervisor(PROGRESS, text=told)
-                        print(told, flush=True)
+                        report = f"{len(done)} of {len(items)}: {text}"
+                        tell_supervisor(PROGRESS, text=report)
+                        print(report, flush=True)
                     progress.update(bar, completed=len(done))
         except StoppedError as error:
             end = error
         if (end or stop()) and len(done) < len(items):
-            cut = end if end and not stop() else StoppedError("interrupted", INTERRUPTED)
+            reason = end if end and not stop() else StoppedError("interrupted", INTERRUPTED)
             again = f"; {journal.again}" if journal else ""
-            told = f"{str(cut) or 'failed'} after {len(done)} of {len(items)} {unit}{again}"
-            end = StoppedError(told, cut.status)
+            report = f"{str(reason) or 'failed'} after {len(done)} of {len(items)} {unit}{again}"
+            end = StoppedError(report, reason.status)
     if journal and len(done) == len(items):
         journal.remove()
     return dict(sorted(done.items())), end

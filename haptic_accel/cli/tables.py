@@ -52,8 +52,8 @@ NAME = 4
 
 def _number_width(column: Sequence[Text]) -> int:
     """Return the width below which a number in a column would be broken."""
-    words = (word for cell in column for word in cell.plain.split())
-    numbers = (w for w in words if any(map(str.isdigit, w)) and not any(map(str.isalpha, w)))
+    parts = (part for cell in column for part in cell.plain.split())
+    numbers = (w for w in parts if any(map(str.isdigit, w)) and not any(map(str.isalpha, w)))
     return max(NAME, *map(cell_len, numbers), 0)
 
 

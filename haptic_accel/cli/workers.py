@@ -181,7 +181,7 @@ class _Processes:
     def start(self, items: dict[int, Any]) -> Runs:
         """Start runs in new processes."""
         count = min(self._count, max(len(items), 1))
-        pool = self._pool = ProcessPoolExecutor(count, initializer=_belong_to_verb)
+        pool = self._pool = ProcessPoolExecutor(count, initializer=_belong_to_command)
         return {index: pool.submit(self._run, item) for index, item in items.items()}
 
     def close(self) -> None:
@@ -196,7 +196,7 @@ class _Processes:
             self._pool.shutdown(cancel_futures=True)
 
 
-def _belong_to_verb() -> None:
+def _belong_to_command() -> None:
     """Set up a worker process: ignore the terminal's signals, and end with the command."""
     sys.unraisablehook = report_unraisable
     for number in ENDING:

@@ -222,7 +222,7 @@ class LaunchArguments(NamespaceArguments):
     )
 
     @classmethod
-    def from_given(cls: type[L], **given: Any) -> L:
+    def from_given(cls: type[L], **specified: Any) -> L:
         """Build from the specified arguments; parameter files decide the others.
 
         Raises
@@ -230,7 +230,7 @@ class LaunchArguments(NamespaceArguments):
         ParameterError
             A file cannot be read, or a value is not allowed.
         """
-        return cls(**cls.filled(given))
+        return cls(**cls.filled(specified))
 
     @classmethod
     def filled(cls, given: dict[str, Any]) -> dict[str, Any]:
@@ -328,9 +328,9 @@ class GraphArguments(
             )
 
     @classmethod
-    def from_given(cls: type[L], **given: Any) -> L:
+    def from_given(cls: type[L], **specified: Any) -> L:
         """Build as `LaunchArguments` does, with the best defaults for a page's hand."""
-        known = cls.filled(given)
+        known = cls.filled(specified)
         if known.get("master") == POINTER:  # the controller with the least error for a page's hand
             known = {"controller": "adaptive"} | known
         return cls(**known)
@@ -353,9 +353,9 @@ class IdentifyArguments(SweepParameters, LaunchArguments):
     seed: int = like(GraphArguments, "seed")
 
     @classmethod
-    def from_given(cls, **given: Any) -> IdentifyArguments:
+    def from_given(cls, **specified: Any) -> IdentifyArguments:
         """Build as `LaunchArguments` does, with defaults for three coils."""
-        known = cls.filled(given)
+        known = cls.filled(specified)
         files = [preset_file("rig", str(known.get("rig", cls.rig)))]
         files += parameter_paths(known.get("params_file", ""))
         axes = [read_parameter_file(path)["compensator"].get("axes") for path in files]

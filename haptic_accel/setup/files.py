@@ -183,9 +183,9 @@ def surface_parameters(surface: str) -> dict[str, Any]:
     ParameterError
         The surface does not exist, or its file is invalid.
     """
-    given = read_parameter_file(surface_file(surface))["slave_device"]
+    values = read_parameter_file(surface_file(surface))["slave_device"]
     return {
-        name: checked(name, given.get(name, default), default, specification)
+        name: checked(name, values.get(name, default), default, specification)
         for name, (default, specification) in node_schema("slave_device").items()
         if name.startswith(SURFACE)
     }
@@ -241,8 +241,8 @@ def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, d
 def _locate_model(path: Path, values: Values) -> None:
     """Make the path of a plant's model absolute if the model is in the file's folder."""
     own = values["compensator"]
-    if (model := own.get(MODEL)) and (beside := path.parent / str(model)).is_file():
-        own[MODEL] = str(beside.absolute())
+    if (model := own.get(MODEL)) and (candidate := path.parent / str(model)).is_file():
+        own[MODEL] = str(candidate.absolute())
 
 
 def parameter_paths(params_file: str) -> list[Path]:
@@ -255,12 +255,12 @@ def parameter_paths(params_file: str) -> list[Path]:
     >>> [path.name for path in parameter_paths("board.yaml,handle.yaml")]
     ['board.yaml', 'handle.yaml']
     """
-    words = [word for word in params_file.split(SEPARATOR) if word]
+    parts = [part for part in params_file.split(SEPARATOR) if part]
     found = []
-    while words:
-        joined = (SEPARATOR.join(words[:count]) for count in range(len(words), 1, -1))
-        path = next(filter(os.path.exists, joined), words[0])
-        del words[: path.count(SEPARATOR) + 1]
+    while parts:
+        joined = (SEPARATOR.join(parts[:count]) for count in range(len(parts), 1, -1))
+        path = next(filter(os.path.exists, joined), parts[0])
+        del parts[: path.count(SEPARATOR) + 1]
         found.append(Path(path).absolute())
     return found
 
@@ -290,15 +290,15 @@ def read_parameter_files(
         As for `read_parameter_file`.
     """
     files = [(path, read_parameter_file(path, namespace)) for path in parameter_paths(params_file)]
-    given: dict[tuple[str, str], tuple[Path, Any]] = {}
+    sources: dict[tuple[str, str], tuple[Path, Any]] = {}
     replaced: list[Unused] = []
     for path, values in files:
         for node, own in values.items():
             for name, value in own.items():
-                before, old = given.get((node, name), (path, value))
+                before, old = sources.get((node, name), (path, value))
                 if old != value:
                     replaced.append(Unused(path, name, node, value, f"replaces {old} of {before}"))
-                given[node, name] = path, value
+                sources[node, name] = path, value
     warn_of(replaced)
     return files
 
@@ -355,8 +355,8 @@ def _check_reached(content: Document, node: str) -> None:
 def _holds(key: str, node: str) -> bool:
     """Return whether a parameter file's key applies to a node by ROS 2's rules."""
     patterns = {"**": "(/[^/]+)*", "*": "/[^/]+"}
-    words = filter(None, key.split("/"))  # files before 0.2 have the key /**//**
-    pattern = "".join(patterns.get(word, "/" + re.escape(word)) for word in words)
+    parts = filter(None, key.split("/"))  # files before 0.2 have the key /**//**
+    pattern = "".join(patterns.get(part, "/" + re.escape(part)) for part in parts)
     return re.fullmatch(pattern, node) is not None
 
 

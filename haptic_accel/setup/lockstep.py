@@ -52,7 +52,7 @@ def lockstep_trial(
         Network between the arms, as for `run_trial`.
     """
     arguments, rig = setup.arguments, setup.rig()
-    around, controllers = setup.node("compensator")
+    compensation, controllers = setup.node("compensator")
     scene = None
     if arguments.slave == VIRTUAL and track is None:
         scene = read_scene(Path(setup.values["slave_device"][SCENE]))
@@ -74,7 +74,7 @@ def lockstep_trial(
         replayed=track,
         scene=scene,
         texture=textured(rig.slave.surface, arguments.rate, arguments.seed),
-        compensation=around,
+        compensation=compensation,
         controllers=controllers,
         grips=grips,
         channel=channel,
@@ -121,5 +121,5 @@ def record_trial(bag: Path, trial: Trial, setup: Setup[GraphArguments], start: i
     ParameterError
         The folder exists already, or cannot be written.
     """
-    facts = custom_data(setup.metadata())
-    write_trial(bag, trial, facts | {PREFIX + RUN: json.dumps(LOCKSTEP)}, start)
+    metadata = custom_data(setup.metadata())
+    write_trial(bag, trial, metadata | {PREFIX + RUN: json.dumps(LOCKSTEP)}, start)

@@ -112,9 +112,9 @@ def graph(arguments: GraphArguments) -> list[Process]:
     _check_replay(arguments)
     _check_card(arguments)
     _check_devices(setup)
-    around, plant = setup.node("compensator")
-    check_axes(around, plant, around.rate)
-    check_controller(around.controller, around.rate, plant)
+    compensation, plant = setup.node("compensator")
+    check_axes(compensation, plant, compensation.rate)
+    check_controller(compensation.controller, compensation.rate, plant)
     if arguments.record:
         _check_bag(arguments)
     return _processes(setup, composed=arguments.composed, respawn=arguments.respawn)
@@ -140,10 +140,10 @@ def _processes(
     setup: Setup[Any], *, composed: bool = False, respawn: bool = False
 ) -> list[Process]:
     """Return the processes of a setup."""
-    arguments, asked = setup.arguments, setup.nodes
+    arguments, nodes = setup.arguments, setup.nodes
     process = partial(Process, namespace=arguments.namespace, log_level=arguments.log_level)
     parts: dict[str, Values] = {
-        name: {name: dict(setup.values[name])} for name in asked if name not in (RECORDER, SCOPE)
+        name: {name: dict(setup.values[name])} for name in nodes if name not in (RECORDER, SCOPE)
     }
     if composed:
         apart = {LINK: parts.pop(LINK)} if LINK in parts else {}
@@ -156,14 +156,14 @@ def _processes(
         parts = {HALF_COUPLER if name == "coupler" else name: parts[name] for name in parts}
     processes = [
         # A link controls no arm: without it both arms are free, and other processes continue.
-        process(name, given, respawn=respawn or name == LINK)
-        for name, given in parts.items()
+        process(name, parameters, respawn=respawn or name == LINK)
+        for name, parameters in parts.items()
     ]
-    if RECORDER in asked:
+    if RECORDER in nodes:
         recorder = {**setup.values[RECORDER], "facts": setup.metadata()}
         # First, so that it misses few messages of the others.
         processes.insert(0, process(RECORDER, {RECORDER: recorder}, last=True))
-    if SCOPE in asked:
+    if SCOPE in nodes:
         # Last, as the forces need not wait for it.
         own = {SCOPE: dict(setup.values[SCOPE])}
         processes.append(process(SCOPE, own, optional=True))
@@ -179,8 +179,8 @@ def arrangement(processes: Sequence[Process]) -> str:
     joint = next((own for own in nodes.values() if len(own) > 1), ())
     if joint:
         apart = [name for name, own in nodes.items() if own != joint]
-        rest = f", one{' each' * (len(apart) > 1)} for {_listed(apart)}" if apart else ""
-        return f"one process for {_listed(joint)}{rest}; composed:=false gives each node its own"
+        rest = f", one{' each' * (len(apart) > 1)} for {_series(apart)}" if apart else ""
+        return f"one process for {_series(joint)}{rest}; composed:=false gives each node its own"
     if "identifier" in nodes:
         return ""
     return (
@@ -189,9 +189,9 @@ def arrangement(processes: Sequence[Process]) -> str:
     )
 
 
-def _listed(words: Sequence[str]) -> str:
+def _series(items: Sequence[str]) -> str:
     """Return names as an enumeration in a sentence."""
-    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+    return " and ".join(filter(None, (", ".join(items[:-1]), *items[-1:])))
 
 
 def _checked_options(setup: Parameters) -> dict[str, dict[str, Any]]:

@@ -98,12 +98,12 @@ class Replay:
     touched: str = ""
 
 
-def replay_arguments(words: Iterable[str]) -> Replay:
+def replay_arguments(assignments: Iterable[str]) -> Replay:
     """Read ``key:=value`` arguments, and missing values from the bag.
 
     Parameters
     ----------
-    words : iterable of str
+    assignments : iterable of str
         Values of `ReplayArguments` and, for the rest, of `GraphArguments`.
 
     Raises
@@ -111,16 +111,16 @@ def replay_arguments(words: Iterable[str]) -> Replay:
     ParameterError
         An argument is invalid, or the bag is missing or cannot be replayed.
     """
-    own, given = _parsed(words)
+    own, specified = _parsed(assignments)
     bag = None
     if playback.is_bag(own.bag):
         from haptic_accel.bags.reading import read_bag_with_warnings
 
         bag = read_bag_with_warnings(Path(own.bag))
-    given = {"slave": PLAYED_TOPICS if own.source == PLAYED_TOPICS else REPLAY, **given}
-    given = GraphArguments.filled(given)
-    inherited = _inherited(bag, given) if bag else {}
-    values: dict[str, Any] = {**inherited, **given}
+    specified = {"slave": PLAYED_TOPICS if own.source == PLAYED_TOPICS else REPLAY, **specified}
+    specified = GraphArguments.filled(specified)
+    inherited = _inherited(bag, specified) if bag else {}
+    values: dict[str, Any] = {**inherited, **specified}
     _check_source(own, values, bag)
     values |= {
         # Set also with `ros2 bag play`, because the recording must name its source.
@@ -148,16 +148,16 @@ def described_replay() -> list[tuple[str, str, str]]:
     return [*described(ReplayArguments), *rest]
 
 
-def _parsed(words: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
+def _parsed(assignments: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
     """Return the arguments of a replay, and those specified for its graph."""
     known = [name for name, _, _ in described_replay()]
     own: list[str] = []
     rest: list[str] = []
-    for word in words:
-        key = word.partition(":=")[0]
+    for assignment in assignments:
+        key = assignment.partition(":=")[0]
         if key not in known:
             raise unknown_key(key, known)
-        (own if key in schema(ReplayArguments) else rest).append(word)
+        (own if key in schema(ReplayArguments) else rest).append(assignment)
     parsed = parse_words(own, ReplayArguments)
     if not parsed.bag:
         raise ParameterError("bag = '': must be a bag, or a CSV or WAV file")
@@ -193,7 +193,7 @@ def _sampling_rate(own: ReplayArguments, slave: str, bag: Bag | None) -> float:
     return float(checked("sampling_rate", rate, *schema(GraphArguments)["rate"]))
 
 
-def _inherited(bag: Bag, given: dict[str, Any]) -> dict[str, Any]:
+def _inherited(bag: Bag, specified: dict[str, Any]) -> dict[str, Any]:
     """Return the arguments of a bag's recording that apply to its replay.
 
     Raises
@@ -202,10 +202,10 @@ def _inherited(bag: Bag, given: dict[str, Any]) -> dict[str, Any]:
         An argument is no longer allowed.
     """
     recorded = recorded_arguments(bag.facts)
-    found = {name: recorded[name] for name in INHERITED if name in recorded.keys() - given}
+    found = {name: recorded[name] for name in INHERITED if name in recorded.keys() - specified}
     if found.get("master") == REPLAY:
         del found["master"]
-    slave = given["slave"]
+    slave = specified["slave"]
     is_other = VIRTUAL in (slave, recorded.get("slave")) and slave != recorded.get("slave")
     if is_other or (is_recording(str(recorded.get("surface", ""))) and slave != SIMULATED):
         found.pop("surface", None)
@@ -216,32 +216,32 @@ def _inherited(bag: Bag, given: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def play_command(asked: Replay) -> str:
+def play_command(replay: Replay) -> str:
     """Return the command line of `ros2 bag play` with the topics for the graph."""
-    assert asked.bag is not None
-    own = asked.own
+    assert replay.bag is not None
+    own = replay.own
     found = [
-        (name, f"{asked.graph.namespace}/{PLAYED}/{topic.name}")
+        (name, f"{replay.graph.namespace}/{PLAYED}/{topic.name}")
         for topic in SLAVE_SIGNALS
-        for name in sorted(asked.bag.counts)
+        for name in sorted(replay.bag.counts)
         if name.endswith(f"/{topic.name}")
     ]
-    words = ["ros2", "bag", "play", own.bag, "--topics", *(name for name, _ in found)]
-    words += ["--remap", *(f"{name}:={played}" for name, played in found)]
-    offset = playback.start_offset(asked.bag, own.start)
-    words += ["--start-offset", f"{offset:.3f}"] if offset else []
-    words += ["--loop"] if own.loop else []
-    return shlex.join(words)
+    command = ["ros2", "bag", "play", own.bag, "--topics", *(name for name, _ in found)]
+    command += ["--remap", *(f"{name}:={played}" for name, played in found)]
+    offset = playback.start_offset(replay.bag, own.start)
+    command += ["--start-offset", f"{offset:.3f}"] if offset else []
+    command += ["--loop"] if own.loop else []
+    return shlex.join(command)
 
 
-def expected_seconds(asked: Replay) -> float:
+def expected_seconds(replay: Replay) -> float:
     """Return the duration of a replay, s; 0 if unknown."""
-    if asked.own.loop or asked.graph.slave != REPLAY:
-        return asked.graph.duration
-    return replayed_track(asked.own, asked.graph).seconds
+    if replay.own.loop or replay.graph.slave != REPLAY:
+        return replay.graph.duration
+    return replayed_track(replay.own, replay.graph).seconds
 
 
-def in_lockstep(asked: Replay) -> Replay:
+def in_lockstep(replay: Replay) -> Replay:
     """Return a replay adapted to lockstep, with the simulated handle.
 
     Raises
@@ -249,15 +249,15 @@ def in_lockstep(asked: Replay) -> Replay:
     ParameterError
         The replay needs a live graph, or the graph would refuse it.
     """
-    if asked.own.loop:
+    if replay.own.loop:
         raise ParameterError("loop = true: not with --lockstep, which plays a bag once")
-    if asked.graph.slave != REPLAY:
+    if replay.graph.slave != REPLAY:
         raise ParameterError("source, slave: not with --lockstep, which replays the slave")
-    if asked.graph.master == REPLAY:
+    if replay.graph.master == REPLAY:
         raise ParameterError("master = 'replay': not with --lockstep, which simulates the handle")
-    arguments = replace(asked.graph, master=SIMULATED)
+    arguments = replace(replay.graph, master=SIMULATED)
     graph(arguments)
-    return replace(asked, graph=arguments)
+    return replace(replay, graph=arguments)
 
 
 def replayed_track(own: ReplayArguments, played: GraphArguments) -> Track:

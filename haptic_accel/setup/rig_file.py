@@ -85,7 +85,7 @@ def note_step(path: Path, step: str, text: str) -> None:
         replace_file(path, "".join(f"{line}\n" for line in head + kept).encode())
 
 
-def teleoperation_words(params_file: str, found: Path, *words: str) -> list[str]:
+def teleoperation_words(params_file: str, found: Path, *assignments: str) -> list[str]:
     """Return the command and arguments that run a graph with an additional file.
 
     Examples
@@ -93,10 +93,10 @@ def teleoperation_words(params_file: str, found: Path, *words: str) -> list[str]
     >>> teleoperation_words("", Path("rig.yaml"), "controller:=adaptive")
     ['teleop', 'params_file:=rig.yaml', 'controller:=adaptive']
     """
-    files = [word for word in params_file.split(SEPARATOR) if word]
+    files = [path for path in params_file.split(SEPARATOR) if path]
     if found.absolute() not in parameter_paths(params_file):
         files.append(str(found))
-    return ["teleop", f"params_file:={SEPARATOR.join(files)}", *words]
+    return ["teleop", f"params_file:={SEPARATOR.join(files)}", *assignments]
 
 
 def check_updatable(path: Path) -> None:
@@ -153,19 +153,19 @@ def _leaves(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, 
             yield f"{prefix}{name}", value
 
 
-def _set(section: Any, words: list[str], value: Any) -> None:
+def _set(section: Any, parts: list[str], value: Any) -> None:
     """Set a value where the file has it, by dotted name or nested; otherwise nested."""
     from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
     # ROS would read text such as 1e5 as a number.
     written = DoubleQuotedScalarString(value) if isinstance(value, str) else value
-    for count in range(len(words), 0, -1):
-        key = ".".join(words[:count])
+    for count in range(len(parts), 0, -1):
+        key = ".".join(parts[:count])
         if key in section:
             break
     else:
-        count, key = 1, words[0]
-    if count == len(words):
+        count, key = 1, parts[0]
+    if count == len(parts):
         section[key] = written
     else:
-        _set(section.setdefault(key, {}), words[count:], value)
+        _set(section.setdefault(key, {}), parts[count:], value)

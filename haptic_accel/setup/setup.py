@@ -82,9 +82,9 @@ class Parameters:
         _, masters = self.node("master_device")
         _, slaves = self.node("slave_device")
         coupling, _ = self.node("coupler")
-        halves = coupling if coupling.coupling == PASSIVE else None
+        passive = coupling if coupling.coupling == PASSIVE else None
         return RigParameters(
-            *(masters["simulated"], slaves["simulated"], coupling, halves, slaves["virtual"]),
+            *(masters["simulated"], slaves["simulated"], coupling, passive, slaves["virtual"]),
             *(masters[SAFETY], slaves[SAFETY]),
         )
 
@@ -136,11 +136,11 @@ class Setup(Parameters, Generic[A]):
         ParameterError
             The metadata contains no arguments, or an argument that is no longer allowed.
         """
-        given = recorded_arguments(metadata)
-        if "latency" not in given:  # recorded before 0.1, or by another program
+        recorded = recorded_arguments(metadata)
+        if "latency" not in recorded:  # recorded before 0.1, or by another program
             raise ParameterError("does not state the arguments of its graph")
-        known = schema(GraphArguments).keys() & given
-        arguments = GraphArguments(**{name: given[name] for name in known})
+        known = schema(GraphArguments).keys() & recorded
+        arguments = GraphArguments(**{name: recorded[name] for name in known})
         return Setup(Parameters.from_metadata(metadata).values, arguments)
 
     @property
@@ -177,8 +177,8 @@ def known_arguments(metadata: Mapping[str, Any]) -> dict[str, Any]:
     found: dict[str, Any] = {"surface": values.get("slave_device", {}).get(names.RECORDING)}
     for name, (_, specification) in schema(GraphArguments).items():
         targets = (target.partition(".")[::2] for target in specification.sets)
-        given = (values.get(node, {}).get(key) for node, key in targets)
-        found.setdefault(name, next((value for value in given if value not in (None, "")), None))
+        saved = (values.get(node, {}).get(key) for node, key in targets)
+        found.setdefault(name, next((value for value in saved if value not in (None, "")), None))
     return {name: value for name, value in found.items() if value not in (None, "")}
 
 
@@ -189,17 +189,17 @@ def _resolved(arguments: Arguments) -> files.Values:
     own = [
         (path, files.read_parameter_file(path, arguments.namespace)) for path in _files(arguments)
     ]
-    given = files.read_parameter_files(arguments.params_file, arguments.namespace)
-    stated = [(path, _present(path, content, arguments.rate)) for path, content in [*own, *given]]
+    named = files.read_parameter_files(arguments.params_file, arguments.namespace)
+    stated = [(path, _present(path, content, arguments.rate)) for path, content in [*own, *named]]
     for index, (path, content) in enumerate(stated, 1):
         if path != _defaults_file():
-            _check_given(path, content, set_here, [later for _, later in stated[index:]])
+            _check_file_values(path, content, set_here, [later for _, later in stated[index:]])
         for executable in NODES:
             values[executable] |= content[executable]
     for executable, set_values in set_here.items():
         values[executable] |= set_values
     if isinstance(arguments, GraphArguments):
-        _warn_of_unknown_plant(values, [content for _, content in given])
+        _warn_of_unknown_plant(values, [content for _, content in named])
     values["identifier"] = _known_handle(arguments, values) | values["identifier"]
     if side := getattr(arguments, "side", ""):
         _, device = node_parameters(f"{side}_device", values[f"{side}_device"])
@@ -219,11 +219,11 @@ def _present(path: Path, content: files.Values, rate: float) -> files.Values:
         raise ParameterError(f"{path}: {error}") from None
 
 
-def _warn_of_unknown_plant(values: files.Values, given: Sequence[files.Values]) -> None:
+def _warn_of_unknown_plant(values: files.Values, named: Sequence[files.Values]) -> None:
     """Warn if a controller needs the plant of coils of which only the kind is known."""
     master, compensator = values["master_device"], values["compensator"]
     preset, controller = master.get("audio.preset"), compensator.get("controller")
-    is_known = any(name.startswith(f"{PLANT}.") for each in given for name in each["compensator"])
+    is_known = any(name.startswith(f"{PLANT}.") for each in named for name in each["compensator"])
     if master.get("actuator_device") != AUDIO or not preset or is_known:
         return
     without = [name for name, kind in CONTROLLERS.items() if not kind.needs_plant]
@@ -247,7 +247,7 @@ def _known_handle(arguments: Arguments, values: files.Values) -> dict[str, Any]:
     return {**known, "axes": simulated.axes}
 
 
-def _check_given(
+def _check_file_values(
     path: Path, content: files.Values, set_here: files.Values, later: Sequence[files.Values]
 ) -> None:
     """Refuse a file's values that the graph sets; report those that an argument replaces.
@@ -273,7 +273,7 @@ def _check_given(
 def argument_of(node: str, name: str) -> str:
     """Return the argument that sets a node's parameter; empty if there is none."""
     known = schema(IdentifyArguments) | schema(GraphArguments)
-    found = (key for key, (_, given) in known.items() if f"{node}.{name}" in given.sets)
+    found = (key for key, (_, argument) in known.items() if f"{node}.{name}" in argument.sets)
     return next(found, "")
 
 
@@ -295,7 +295,7 @@ def _set_by(arguments: Arguments) -> files.Values:
     """Return the parameters that arguments set, by the executables of the graph."""
     own: files.Values = {node: {} for node in _nodes(arguments)}
 
-    def put(target: str, value: Any) -> None:
+    def assign(target: str, value: Any) -> None:
         node, _, parameter = target.partition(".")
         if node in own:
             own[node][parameter] = value
@@ -304,10 +304,10 @@ def _set_by(arguments: Arguments) -> files.Values:
         value = getattr(arguments, name)
         if not (specification.yields and value == default):
             for target in specification.sets:
-                put(target, _absolute(value) if specification.path else value)
+                assign(target, _absolute(value) if specification.path else value)
     for target, value in _derived(arguments).items():
         if value is not None:
-            put(target, value)
+            assign(target, value)
     return own
 
 
@@ -343,13 +343,13 @@ def _nodes(arguments: Arguments) -> list[str]:
         return ["master_device", "identifier", RECORDER]
     slave = "restamper" if arguments.slave == names.PLAYED_TOPICS else "slave_device"
     arms = [f"{arguments.side}_device"] if arguments.side else ["master_device", slave]
-    asked = {
+    optional = {
         "compensator": arguments.side != "slave",
         LINK: arguments.peer,
         RECORDER: arguments.record,
         SCOPE: arguments.scope,
     }
-    return [*arms, "coupler", *(name for name, is_asked in asked.items() if is_asked)]
+    return [*arms, "coupler", *(name for name, is_selected in optional.items() if is_selected)]
 
 
 def _absolute(path: str) -> str:

@@ -42,12 +42,12 @@ class NamespaceArguments(Checked):
 
 def _absolute(namespace: str) -> str:
     """Return a namespace with a leading and no trailing slash; empty for the root."""
-    words = namespace.strip("/")
-    if words and not _NAMESPACE.fullmatch(f"/{words}"):
+    path = namespace.strip("/")
+    if path and not _NAMESPACE.fullmatch(f"/{path}"):
         raise ParameterError(
             f"namespace = {namespace!r}: must be letters, digits and _, with / between"
         )
-    return words and f"/{words}"
+    return path and f"/{path}"
 
 
 A = TypeVar("A", bound=Checked)
@@ -60,12 +60,12 @@ MOVED = {
 """Former arguments, now node parameters only, with the name of the node."""
 
 
-def parse_words(words: Iterable[str], kind: type[A]) -> A:
+def parse_words(assignments: Iterable[str], kind: type[A]) -> A:
     """Read ``key:=value`` arguments.
 
     Parameters
     ----------
-    words : iterable of str
+    assignments : iterable of str
     kind : type
         Dataclass that declares the keys; its class method `from_given`, if any, builds it.
 
@@ -76,10 +76,10 @@ def parse_words(words: Iterable[str], kind: type[A]) -> A:
     """
     known = schema(kind)
     values: dict[str, Any] = {}
-    for word in words:
-        key, separator, text = word.partition(":=")
+    for assignment in assignments:
+        key, separator, text = assignment.partition(":=")
         if not separator:
-            raise ParameterError(f"{word!r}: must have the form key:=value")
+            raise ParameterError(f"{assignment!r}: must have the form key:=value")
         if key not in known:
             raise unknown_key(key, known)
         if key in values:
@@ -95,9 +95,9 @@ def is_argument(word: str) -> bool:
     return bool(separator) and "/" not in key
 
 
-def given_keys(words: Iterable[str]) -> list[str]:
+def given_keys(assignments: Iterable[str]) -> list[str]:
     """Return the keys of the texts of the form ``key:=value``."""
-    return [word.partition(":=")[0] for word in words if ":=" in word]
+    return [assignment.partition(":=")[0] for assignment in assignments if ":=" in assignment]
 
 
 def unknown_key(key: str, known: Iterable[str]) -> ParameterError:
