@@ -97,7 +97,7 @@ class Description:
     problems: tuple[str, ...] = ()
 
     @property
-    def told(self) -> Plant | None:
+    def plant_model(self) -> Plant | None:
         """Plant model of the compensator."""
         found = self.controllers.get(PLANT)
         return found.coupled() if found else None
@@ -118,7 +118,7 @@ class Description:
     def plant(self) -> Plant | None:
         """Return the plant of the condition: the simulated one, or the compensator's model."""
         if self.rig is None:
-            return self.told
+            return self.plant_model
         grip = self.rig.master.grip
         if self.condition.grip in POSTURES:
             grip = replace(grip, posture=self.condition.grip)
@@ -132,7 +132,7 @@ class Description:
         ParameterError
             The model cannot be read.
         """
-        if not self.told or not self.told.model:
+        if not self.plant_model or not self.plant_model.model:
             return None
         return matrix_plant(self.controllers, self.rate).coupled()
 
@@ -170,8 +170,8 @@ def described(
         raise ParameterError(f"rig: {recorded.path} describes its own handle")
     try:
         if nodes.get("compensator"):
-            around, options = parameters.node("compensator")
-            corner, actuator = around.high_pass_frequency, options[ACTUATOR]
+            compensation, options = parameters.node("compensator")
+            corner, actuator = compensation.high_pass_frequency, options[ACTUATOR]
         if arguments.get("master") in (SIMULATED, POINTER):
             rig = parameters.rig()
     except ParameterError as error:
@@ -215,18 +215,18 @@ def surface_of(recorded: Bag) -> str:
     slave = Parameters.from_metadata(recorded.facts).values.get("slave_device", {})
     if arguments.get("side") == OPERATOR:
         return UNKNOWN
-    asked = str(arguments.get("surface", ""))
+    surface = str(arguments.get("surface", ""))
     if arguments.get("slave") == REPLAY:
         return f"replay of {Path(str(arguments.get('replay', ''))).stem}"
     if arguments.get("slave") == PLAYED_TOPICS:
         return "played topics"
     if arguments.get("slave") == VIRTUAL:
-        return Path(str(slave.get(SCENE, asked or UNKNOWN))).stem
-    if is_recording(asked):
+        return Path(str(slave.get(SCENE, surface or UNKNOWN))).stem
+    if is_recording(surface):
         return "recording"
     # Before 0.4, devices of real rigs also declare the parameters of the simulated surface.
     named = slave.get(f"{_SURFACE}name") if arguments.get("slave", SIMULATED) == SIMULATED else ""
-    return str(named or Path(asked).stem or UNKNOWN)
+    return str(named or Path(surface).stem or UNKNOWN)
 
 
 def run_of(recorded: Bag) -> str:

@@ -13,7 +13,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from haptic_accel.analysis.latency import latest_words
+from haptic_accel.analysis.latency import latest_text
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import MILLI, AnalysedTrial
 from haptic_accel.analysis.writing import Setting, signal_table, write_analysis
@@ -96,7 +96,7 @@ def channel_setting(channel: ChannelParameters | None) -> dict[str, str]:
     return {"network": f"{delay:g} +- {jitter:g} ms one way, {100 * channel.loss:g} % lost"}
 
 
-def beside_lockstep(analysis: Analysis, expected: Mapping[Path, float]) -> ResultTable | None:
+def lockstep_comparison(analysis: Analysis, expected: Mapping[Path, float]) -> ResultTable | None:
     """Return live errors (lockstep errors in brackets) by controller and surface."""
     cells: dict[str, dict[str, str]] = {}
     for trial in analysis.trials:
@@ -162,7 +162,7 @@ def experiment_warnings(analysis: Analysis, *, composed: bool) -> Iterator[str]:
         effect = " a hand on a real handle would feel" if is_late else " makes the error larger"
         yield (
             f"In {len(trials)} of {len(analysis.trials)} trials, up to {100 * share:.1f} %"
-            f" ({worst}) of the {what}{latest_words(longest) * is_late}, which{effect}."
+            f" ({worst}) of the {what}{latest_text(longest) * is_late}, which{effect}."
         )
     if any(what.endswith("after their tick") for what in found):
         yield f"Fewer come too late with {'' if composed else 'composed:=true or '}latency:=4."
@@ -202,7 +202,7 @@ class Run:
     @property
     def seeds(self) -> list[int]:
         """Seeds of the conditions."""
-        return list(dict.fromkeys(given.seed for given in self.done.values()))
+        return list(dict.fromkeys(each.seed for each in self.done.values()))
 
 
 def write_experiment(run: Run, analysis: Analysis, folder: Path, *warnings: str) -> Path:
@@ -233,7 +233,7 @@ def write_experiment(run: Run, analysis: Analysis, folder: Path, *warnings: str)
             "Haptic display of tool contact: the paper's experiment",
             [*filter(None, notes)],
             {**settings, "all others": "defaults"},
-            beside=beside_lockstep(analysis, run.expected),
+            lockstep=lockstep_comparison(analysis, run.expected),
         ),
         files={
             f"signals_{trial.name}.csv": signal_table(trial.segment)

@@ -207,8 +207,8 @@ def _finish(panel: Axes, found: Identification, keys: Sequence[Line2D]) -> None:
     """Scale the frequency axis of a panel, and add a legend next to the panel."""
     frequency_axis(panel, *found.band, ends=True)
     rule(panel)
-    look: Style = {"bbox_to_anchor": (1.01, 1.0), "frameon": False, "handlelength": 3.2}
-    legend = panel.legend(handles=keys, loc="upper left", borderaxespad=0, **look)
+    style: Style = {"bbox_to_anchor": (1.01, 1.0), "frameon": False, "handlelength": 3.2}
+    legend = panel.legend(handles=keys, loc="upper left", borderaxespad=0, **style)
     for text in legend.get_texts():
         text.set_parse_math(False)  # the name of a grip is arbitrary
 

@@ -198,7 +198,7 @@ class OneAxisResult(_Result[Identification]):
         """Mass of the handle without the actuator, kg."""
         return self.found.fit.handle.m_h
 
-    def beside_truth(
+    def with_errors(
         self, rig: RigParameters, sweep: SweepParameters, on_arrival: bool
     ) -> OneAxisResult:
         """Return the result with the errors of its models against the simulated rig.
@@ -392,7 +392,7 @@ class ThreeAxisResult(_Result[ThreeAxisIdentification]):
             " gives about 1."
         )
 
-    def beside_truth(
+    def with_errors(
         self, rig: RigParameters, sweep: SweepParameters, on_arrival: bool
     ) -> ThreeAxisResult:
         """Return the result with the error of its plant."""
@@ -565,8 +565,8 @@ class Row:
 
 def _quantities() -> Iterator[tuple[str, str, str, float]]:
     """Yield name, label, unit, and factor to that unit of all quantities that may be fitted."""
-    for name, (_, given) in own_schema(HandleParameters).items():
-        yield name, given.text, given.unit, 1.0
+    for name, (_, quantity) in own_schema(HandleParameters).items():
+        yield name, quantity.text, quantity.unit, 1.0
     yield "friction", "dry friction of the actuator's bearing", "N", 1.0
     yield (
         "delay",
@@ -574,8 +574,8 @@ def _quantities() -> Iterator[tuple[str, str, str, float]]:
         "µs",
         MICROSECONDS,
     )
-    for name, (_, given) in own_schema(MountParameters).items():
-        yield f"mount_{name}", "mount of the accelerometer", given.unit or "1", 1.0
+    for name, (_, quantity) in own_schema(MountParameters).items():
+        yield f"mount_{name}", "mount of the accelerometer", quantity.unit or "1", 1.0
 
 
 def parameter_rows(
@@ -655,9 +655,9 @@ def fit_metrics(fit: HandleFit) -> dict[str, Any]:
             name: {
                 "value": fit.value(name),
                 "standard_error": fit.standard_errors.get(name),
-                "unit": given.unit,
+                "unit": quantity.unit,
             }
-            for name, (_, given) in own_schema(HandleParameters).items()
+            for name, (_, quantity) in own_schema(HandleParameters).items()
         },
         "delay_s": fit.delay,
         "delay_us": fit.delay * 1e6,

@@ -108,10 +108,10 @@ def _empty(metrics: Row) -> Row:
 
 
 def _missed(name: str, counts: Mapping[str, float]) -> str:
-    return f"{name} {counts['missed']} of {counts['due']}{latest_words(counts['longest_us'])}"
+    return f"{name} {counts['missed']} of {counts['due']}{latest_text(counts['longest_us'])}"
 
 
-def latest_words(longest: float) -> str:
+def latest_text(longest: float) -> str:
     """Return a text on the largest delay, us; empty if only an earlier maximum is known."""
     return f", the latest by {longest * 1e-3:.1f} ms" * math.isfinite(longest)
 

@@ -349,7 +349,7 @@ class Analysis:
     @property
     def shifted_by(self) -> str:
         """Description of the time by which actual accelerations were shifted back."""
-        return self.shift.words(trial.segment for trial in self.trials)
+        return self.shift.text(trial.segment for trial in self.trials)
 
 
 Spread = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
@@ -470,7 +470,7 @@ def _measured(task: _Task) -> _Measured:
         return _Measured([], list(recorded.problems), host)
     measured = []
     try:
-        parts = cut(recorded, *others, rig=task.rig, asked=task.rate)
+        parts = cut(recorded, *others, rig=task.rig, requested=task.rate)
         for segment in parts.segments:
             name = task.name if segment.number == 1 else f"{task.name} #{segment.number}"
             trial = measure(segment, name, task.source, task.shift)

@@ -167,7 +167,7 @@ class Shift:
             )
         return samples / segment.rate
 
-    def words(self, segments: Iterable[Segment]) -> str:
+    def text(self, segments: Iterable[Segment]) -> str:
         """Return the text that completes "shifted back by"."""
         if self.kind == GRANTED_SHIFT:
             known = (each for each in segments if each.after is not None)
@@ -254,26 +254,26 @@ def measure(
     corner = segment.high_pass_frequency
     if actual is None and segment.rate <= 2 * corner:
         notes.append(f"{segment.rate:g} samples per second are too few for its {corner:g} Hz")
-    likeness = _Comparison()
-    felt = math.nan if desired is None else _rms(desired)
-    contact = not felt < CONTACT
+    comparison = _Comparison()
+    strength = math.nan if desired is None else _rms(desired)
+    contact = not strength < CONTACT
     if not contact:
         notes.append(
-            f"without contact: the desired acceleration has an RMS of {felt:.2g} m/s², that of"
+            f"without contact: the desired acceleration has an RMS of {strength:.2g} m/s², that of"
             f" contact is at least {CONTACT:.2g} m/s²"
         )
     elif desired is not None and actual is not None:
         handle = segment.signals[topics.HANDLE_ACCELERATION.name]
         if segment.latency is None:
             segment = _with_estimated_latency(segment, desired, actual, notes)
-        likeness = _compared(desired, handle, segment, shift, notes, begin)
-        likeness.metrics.update(_bounds(segment, likeness.shift, notes))
+        comparison = _compared(desired, handle, segment, shift, notes, begin)
+        comparison.metrics.update(_bounds(segment, comparison.shift, notes))
     notes += _deviation(segment)
     travel = _travel(segment)
     signals = {"desired": desired, "actual": actual, "force": force, "travel": travel}
     drawn = {name: values for name, values in signals.items() if values is not None}
     delivery = segment.delivery
-    metrics = dict.fromkeys(METRICS, math.nan) | likeness.metrics
+    metrics = dict.fromkeys(METRICS, math.nan) | comparison.metrics
     if force is not None:
         metrics["force_rms_N"] = _rms(force)
         metrics["force_peak_N"] = float(np.max(measures.lengths(force)))
@@ -292,9 +292,9 @@ def measure(
     for label in ("p50", "p99", "max"):
         metrics[f"age_{label}_us"] = delivery.age_us.get(label, math.nan)
     metrics["lost"] = float(sum(delivery.lost.values()))
-    traces = Traces.of(drawn, segment.rate, likeness.shift, begin, segment.axes)
+    traces = Traces.of(drawn, segment.rate, comparison.shift, begin, segment.axes)
     kept, unique = replace(segment, signals={}), tuple(dict.fromkeys(notes))
-    compared = likeness.bands, likeness.error, likeness.portrait
+    compared = comparison.bands, comparison.error, comparison.portrait
     return AnalysedTrial(name, source, kept, metrics, *compared, traces, unique, contact)
 
 
@@ -337,12 +337,12 @@ def _deviation(segment: Segment) -> list[str]:
         return []
     force = segment.signals.get(topics.ACTUATOR_FORCE.name)
     handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
-    if segment.told is None or force is None or handle is None or handle.ndim > 1:
+    if segment.plant_model is None or force is None or handle is None or handle.ndim > 1:
         return []
     if segment.latency is None:
         return []
     try:
-        plant = segment.told.delayed(segment.latency)
+        plant = segment.plant_model.delayed(segment.latency)
         warning, first = supervise(plant, segment.rate, force, handle)
     except ParameterError as error:
         return [f"the handle's response could not be compared: {error}"]
@@ -433,7 +433,7 @@ def _bounds(segment: Segment, shift: float, notes: list[str]) -> dict[str, float
     granted = round(shift * segment.rate, 6) - segment.latency
     if granted < 0 or granted % 1:
         return {}
-    around: dict[str, Any] = {
+    options: dict[str, Any] = {
         "granted_delay": int(granted),
         "noise": segment.noise,
         "high_pass_frequency": segment.high_pass_frequency,
@@ -442,7 +442,7 @@ def _bounds(segment: Segment, shift: float, notes: list[str]) -> dict[str, float
     try:
         if not isinstance(plant, MatrixPlant) and tool.ndim > 1:
             return {}
-        found = bounds(plant, segment.rate, tool, **around)
+        found = bounds(plant, segment.rate, tool, **options)
     except ParameterError as error:
         notes.append(f"no bound of the error: {error}")
         return {}

@@ -160,9 +160,9 @@ def run_trial(
         A value is invalid, or the bag exists already.
     """
     rig = rig if isinstance(rig, Rig) else Rig(rig)
-    given = {"controller": controller, "rig": rig.name, "surface": surface, **arguments}
-    words = {k: os.fspath(v) if isinstance(v, os.PathLike) else v for k, v in given.items()}
-    setup = Setup.of(GraphArguments(duration=duration, **words)).changed(rig.changes)
+    named = {"controller": controller, "rig": rig.name, "surface": surface, **arguments}
+    values = {k: os.fspath(v) if isinstance(v, os.PathLike) else v for k, v in named.items()}
+    setup = Setup.of(GraphArguments(duration=duration, **values)).changed(rig.changes)
     trial = lockstep_trial(setup, recording=recording, grips=grips)
     if bag is not None:
         record_trial(Path(bag), trial, setup, time.time_ns())

@@ -261,15 +261,15 @@ def regressions(portraits: Portraits) -> Figure:
             # Rasterise: thousands of points make a vector drawing slow to display.
             panel.plot(*cloud, **_SAMPLES, markersize=1.2, alpha=0.45, rasterized=True)
             panel.plot([-reach, reach], [-reach, reach], **_EQUAL)
-            words = [f"R² {number(portrait.evaluation.r2)}"]
+            texts = [f"R² {number(portrait.evaluation.r2)}"]
             if portrait.regressed:
                 slope = portrait.evaluation.slope_desired_on_actual
                 middle = (portrait.mean_actual, portrait.mean_desired)
                 panel.axline(middle, slope=slope, **_REGRESSION)
-                words.insert(0, f"slope {number(slope)}, {words[0]}")
+                texts.insert(0, f"slope {number(slope)}, {texts[0]}")
             else:
-                words.insert(0, f"{words[0]}: no regression")
-            _subtitle(panel, *words)
+                texts.insert(0, f"{texts[0]}: no regression")
+            _subtitle(panel, *texts)
     return figure
 
 
@@ -352,15 +352,15 @@ def band_errors(errors: Mapping[str, Mapping[str, Interval]]) -> Figure:
     for i, (name, color, hatch) in enumerate(zip(names, cycle(BARS), cycle(HATCHES))):
         bars = [errors[name].get(band, unknown) for band in found]
         reach = np.array([[bar.value - bar.low, bar.high - bar.value] for bar in bars]).T
-        look: Style = {"color": color, "hatch": hatch, "edgecolor": "white", "linewidth": 0.4}
+        style: Style = {"color": color, "hatch": hatch, "edgecolor": "white", "linewidth": 0.4}
         if found:
-            look["yerr"] = np.nan_to_num(np.maximum(reach, 0.0))
-            look["error_kw"] = {"elinewidth": 0.6, "capsize": 1.2}
+            style["yerr"] = np.nan_to_num(np.maximum(reach, 0.0))
+            style["error_kw"] = {"elinewidth": 0.6, "capsize": 1.2}
         middles = ticks + (i - (len(names) - 1) / 2) * width
-        panel.bar(middles, [bar.value for bar in bars], width, label=short(name), **look)
+        panel.bar(middles, [bar.value for bar in bars], width, label=short(name), **style)
     panel.axhline(100.0, **_EQUAL)
-    words = [band.removesuffix(" Hz").replace("-", DASH) for band in found]
-    panel.set_xticks(ticks, words)
+    labels = [band.removesuffix(" Hz").replace("-", DASH) for band in found]
+    panel.set_xticks(ticks, labels)
     panel.legend(ncols=max(min(len(names), 4), 1), **_KEY)
     return figure
 
@@ -619,10 +619,10 @@ def _panels(
     corner = (_LEFT / TEXT, 1 - 0.05 / height)
     figure.legend(handles=legend, bbox_to_anchor=corner, ncols=len(legend), **_LEGEND)
 
-    def heading(x: float, y: float, words: str, room: float, rotation: str) -> None:
-        text = short(words, int(room / (_CHARACTER * _LABEL)))
-        look: Style = {"size": _LABEL, "weight": "bold", "rotation": rotation, "parse_math": False}
-        figure.text(x / TEXT, y / height, text, ha="center", va="center", **look)
+    def heading(x: float, y: float, name: str, room: float, rotation: str) -> None:
+        text = short(name, int(room / (_CHARACTER * _LABEL)))
+        font: Style = {"size": _LABEL, "weight": "bold", "rotation": rotation, "parse_math": False}
+        figure.text(x / TEXT, y / height, text, ha="center", va="center", **font)
 
     panels = {}
     for (i, row), (j, column) in product(enumerate(rows), enumerate(columns)):
@@ -644,16 +644,16 @@ def _panels(
         key = (column, row) if surfaces_down else (row, column)
         panels[key] = panel
         if key not in portraits:
-            words: Style = {"ha": "center", "color": "#666666", "fontsize": _LABEL}
-            panel.text(0.5, 0.5, "not run", transform=panel.transAxes, **words)
+            style: Style = {"ha": "center", "color": "#666666", "fontsize": _LABEL}
+            panel.text(0.5, 0.5, "not run", transform=panel.transAxes, **style)
     return figure, panels
 
 
-def _subtitle(panel: Axes, *words: str) -> None:
+def _subtitle(panel: Axes, *texts: str) -> None:
     """Set the first of several subtitles that fits the panel's width, or the last one."""
     room = panel.get_position().width * TEXT / (_CHARACTER * _TICK)
-    fitting = (text for text in words if len(text) <= room)
-    panel.set_title(next(fitting, words[-1]), **_SUBTITLE)
+    fitting = (text for text in texts if len(text) <= room)
+    panel.set_title(next(fitting, texts[-1]), **_SUBTITLE)
 
 
 def _extent(signals: Iterable[FloatArray]) -> float:

@@ -44,9 +44,9 @@ def _commit() -> str:
     clone = _PACKAGE.parent
     if not (clone / ".git").exists():
         return ""
-    words = ["git", "-C", str(clone), "describe", "--always", "--dirty", "--exclude=*"]
+    command = ["git", "-C", str(clone), "describe", "--always", "--dirty", "--exclude=*"]
     try:
-        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
     except OSError:  # git is not installed
         return ""
     return done.stdout.strip()

@@ -78,10 +78,10 @@ def progress(row: Row) -> str:
     return f"{Path(row['bag']).name} / {row['controller']}: {row['nrmse_percent']:.2f} %"
 
 
-def touching(asked: Replay) -> Replay:
+def touching(replay: Replay) -> Replay:
     """Return a replay with its bag's surface, without the bag itself."""
-    touched = surface_of(asked.bag) if asked.bag else asked.graph.surface
-    return replace(asked, bag=None, touched=touched)
+    touched = surface_of(replay.bag) if replay.bag else replay.graph.surface
+    return replace(replay, bag=None, touched=touched)
 
 
 def _metrics(bag: str, trial: Trial, track: Track) -> Row:
@@ -103,12 +103,12 @@ def _metrics(bag: str, trial: Trial, track: Track) -> Row:
     }
 
 
-COUNTED_BEFORE = "deadlines missed"
+PAST_TICK_BEFORE = "deadlines missed"
 """Suffix of the older name of the counter `PAST_TICK`."""
 
 CAUSES = {
     PAST_TICK: "a force came after its due time",
-    COUNTED_BEFORE: "a force came after its due time",
+    PAST_TICK_BEFORE: "a force came after its due time",
     "missed ticks": "ticks were left out",
     "ticks without a sample": "a sample was not taken",
     "without the handle's sample": "the handle's sample came too late for the compensator",
@@ -272,6 +272,6 @@ def _grown(before: Mapping[str, str], report: Diagnosis) -> list[str]:
         for name in report.values
         for end, text in CAUSES.items()
         if (name == end or name.endswith(f" {end}"))
-        and not (by_clock and end == COUNTED_BEFORE)
+        and not (by_clock and end == PAST_TICK_BEFORE)
         and count(report.values, name) > count(before, name)
     ]

@@ -89,7 +89,7 @@ class Segment:
         Handle with the complete path from command to sample, for the bounds of the error.
     noise : float
         Standard deviation of a sample of the handle's accelerometer, m/s^2, if known.
-    told : Plant or None
+    plant_model : Plant or None
         Model of the handle used by the compensator.
     start : int
         Stamp of the first sample, ns.
@@ -119,7 +119,7 @@ class Segment:
     granted_delay: int = 1
     plant: Plant | MatrixPlant | None = None
     noise: float = 0.0
-    told: Plant | None = None
+    plant_model: Plant | None = None
     start: int = 0
     run: str = ""
     waits: bool = False
@@ -162,7 +162,7 @@ class Division:
 
 
 def cut(
-    *recordings: Bag, rig: RigParameters | None = None, asked: float | None = None
+    *recordings: Bag, rig: RigParameters | None = None, requested: float | None = None
 ) -> Division:
     """Divide the recordings in a bag's folder at changes of the condition and at disengagements.
 
@@ -171,7 +171,7 @@ def cut(
     recordings : Bag
     rig : RigParameters, optional
         Rig with the handle, for a bag without its own description.
-    asked : float, optional
+    requested : float, optional
         Sampling rate, Hz, for a bag without a stated rate; used if the stamps agree.
 
     Returns
@@ -185,7 +185,7 @@ def cut(
         The bag already states the rig or rate.
     """
     dividers = [_Divider(recorded) for recorded in recordings]
-    found = [segment for divider in dividers for segment in divider.segments(rig, asked)]
+    found = [segment for divider in dividers for segment in divider.segments(rig, requested)]
     segments = [replace(segment, number=number) for number, segment in enumerate(found, 1)]
     return Division(segments, list(dict.fromkeys(p for each in dividers for p in each.problems)))
 
@@ -211,12 +211,12 @@ class _Divider:
         for name, signal in self._signals.items():
             along = np.abs(signal.values[:, recorded.axes.indices])
             if lost := len(along) - np.count_nonzero((along < IMPLAUSIBLE).all(axis=1)):
-                told = "samples count as missing: no numbers, or beyond"
-                self.problems.append(f"{name}: {lost} of {len(along)} {told} {IMPLAUSIBLE:g}")
+                reason = "samples count as missing: no numbers, or beyond"
+                self.problems.append(f"{name}: {lost} of {len(along)} {reason} {IMPLAUSIBLE:g}")
 
-    def segments(self, rig: RigParameters | None, asked: float | None) -> list[Segment]:
+    def segments(self, rig: RigParameters | None, requested: float | None) -> list[Segment]:
         """Return the segments; see `cut` for the parameters."""
-        rate = self._rate(asked)
+        rate = self._rate(requested)
         if not self._signals:
             self.problems.append(
                 "none of the signals of this graph is in it: it is of another rig"
@@ -243,19 +243,19 @@ class _Divider:
             )
         return segments
 
-    def _rate(self, asked: float | None) -> float | None:
+    def _rate(self, requested: float | None) -> float | None:
         """Return the sampling rate of the stamps; the stated one if it agrees."""
         order = (topic.name for topic in (*topics.ANALYSED, *topics.SIGNALS))
         signals = (self._bag.signals[name] for name in order if name in self._bag.signals)
         found = next((signal.stamps for signal in signals if len(signal.stamps) > 1), None)
         if found is None:
             return None
-        given = known_arguments(self._bag.facts).get("rate")
-        stated = float(given) if isinstance(given, int | float) and math.isfinite(given) else 0.0
-        if asked and stated and asked != stated:
+        value = known_arguments(self._bag.facts).get("rate")
+        stated = float(value) if isinstance(value, int | float) and math.isfinite(value) else 0.0
+        if requested and stated and requested != stated:
             own = f"must be {stated:g} Hz, as {self._bag.path} states"
-            raise ParameterError(f"rate = {asked:g}: {own}")
-        stated = stated or asked or 0.0
+            raise ParameterError(f"rate = {requested:g}: {own}")
+        stated = stated or requested or 0.0
         try:
             rate = sampling.sampling_rate(found, stated or None)
         except ParameterError as error:
@@ -362,7 +362,7 @@ class _Divider:
             granted_delay=granted_delay(known.condition.controller, known.controllers, rate),
             plant=self._matrix_plant(known) if axes == ALL_AXES else known.plant(),
             noise=known.rig.master.accelerometer.noise if known.rig else 0.0,
-            told=known.told,
+            plant_model=known.plant_model,
             start=start,
             run=run_of(self._bag),
             waits=known.waits,

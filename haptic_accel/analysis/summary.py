@@ -91,7 +91,7 @@ def _errors(analysis: Analysis) -> str:
     table = frames.table_two(frames.groups(analysis))
     over = f", averaged over {', '.join(table.common)}" if len(table.columns) > 1 else ""
     overall = [
-        (cells[-1].value, f"{controller} {percent(cells[-1].value)}{_beside(cells[-1])}")
+        (cells[-1].value, f"{controller} {percent(cells[-1].value)}{_paper_text(cells[-1])}")
         for controller, cells in table.rows.items()
         if math.isfinite(cells[-1].value)
     ]
@@ -188,7 +188,7 @@ def _each(frame: pd.DataFrame, name: str, unit: str) -> list[str]:
     return [each] if each else []
 
 
-def _beside(cell: frames.Cell) -> str:
+def _paper_text(cell: frames.Cell) -> str:
     return "" if cell.paper is None else f" (the paper's: {percent(cell.paper)})"
 
 
@@ -241,12 +241,12 @@ def _deadlines(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
             key=lambda late: -math.inf if math.isnan(late) else late,
         )
         share = frame.late_time_percent.max()
-        felt = f"; the actuator's up to {number(share, 2)} % of a trial's time" * math.isfinite(
-            share
+        actuator = (
+            f"; the actuator's up to {number(share, 2)} % of a trial's time" * math.isfinite(share)
         )
         sentences.append(
             f"{missed} of {due} forces took effect more than {IN_TIME:g} periods after their due"
-            f" time, the latest by {number(longest / metrics.MILLI, 1)} ms{felt}."
+            f" time, the latest by {number(longest / metrics.MILLI, 1)} ms{actuator}."
         )
         still = [segment for segment in new if segment.waits]
         hidden = _sum("missed", still) - _sum("past_tick", still)
@@ -309,13 +309,13 @@ def difference(comparison: Comparison) -> str:
     found = comparison.differences["all"]
     if not found.n:
         return f"{comparison.second} and {comparison.first} have no pair of trials in common."
-    words = f"{comparison.second} has {number(abs(found.mean.value), 1)} percentage points"
-    words += " less" if found.mean.value < 0 else " more"
-    words += f" error than {comparison.first}"
+    text = f"{comparison.second} has {number(abs(found.mean.value), 1)} percentage points"
+    text += " less" if found.mean.value < 0 else " more"
+    text += f" error than {comparison.first}"
     if math.isfinite(found.mean.low):
         ends = f"{number(found.mean.low, 1)} to {number(found.mean.high, 1)}"
-        words += f" (95 % interval of the difference: {ends})"
-    return f"{words}: {found.verdict}."
+        text += f" (95 % interval of the difference: {ends})"
+    return f"{text}: {found.verdict}."
 
 
 SHOWN = (

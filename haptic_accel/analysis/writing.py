@@ -78,7 +78,7 @@ class Setting:
         Arguments of the run, shown as a table.
     pictures : mapping of str to str
         Captions of picture files in the page's folder, by file name.
-    beside : ResultTable, optional
+    lockstep : ResultTable, optional
         Errors of the same trials from another run.
     """
 
@@ -86,7 +86,7 @@ class Setting:
     notes: Sequence[str] = ()
     settings: Mapping[str, str] = field(default_factory=dict)
     pictures: Mapping[str, str] = field(default_factory=dict)
-    beside: ResultTable | None = None
+    lockstep: ResultTable | None = None
 
 
 def write_page(
@@ -182,13 +182,13 @@ def _drawn(trial: metrics.AnalysedTrial, points: int) -> dict[str, Any]:
         "whole": _packed_trace(whole),
         "detail": _packed_trace(detail),
         "begin": trial.traces.excerpt,
-        **_likeness(None if by_axis else trial.portrait),
+        **_axis_data(None if by_axis else trial.portrait),
         "free": trial.segment.actuator.travel * metrics.MILLI,
-        "axes": {axis: _likeness(by_axis.get(axis)) for axis in axes} if len(axes) > 1 else None,
+        "axes": {axis: _axis_data(by_axis.get(axis)) for axis in axes} if len(axes) > 1 else None,
     }
 
 
-def _likeness(portrait: Portrait | None) -> dict[str, Any]:
+def _axis_data(portrait: Portrait | None) -> dict[str, Any]:
     """Return regression and spectra of one axis."""
     return {"cloud": portrait and _cloud(portrait), "spectra": portrait and _spectra(portrait)}
 

@@ -109,7 +109,7 @@ class ChunkedWriter:
         self._chunks: list[bytes] = []  # records of the chunks for the index
         self._end = self._sum = 0
         self._file = path.open("xb")
-        self._put(
+        self._append(
             mcap.MAGIC + record(mcap.HEADER, text("ros2"), text(f"haptic_accel-{__version__}"))
         )
         self._file.flush()
@@ -177,10 +177,10 @@ class ChunkedWriter:
             counts = Counter({number: len(rows) // 2 for number, rows in entries.items()})
             start = min(min(rows[::2]) for rows in entries.values())
             end = max(max(rows[::2]) for rows in entries.values())
-            self._put_chunk(records, entries, start, end)
+            self._append_chunk(records, entries, start, end)
             tally = tally.plus(counts, start, end)
         else:
-            self._put(records)
+            self._append(records)
         self._file.flush()
         self._pending = _Pending()
         self._marks.append(_Mark(self._end, self._sum, len(self._chunks), tally))
@@ -218,10 +218,10 @@ class ChunkedWriter:
         start = self._end
         repeated = text_map({"serialized_metadata": metadata})
         length = mcap.TEXT_LENGTH.pack(len(repeated))
-        self._put(record(mcap.METADATA, text("rosbag2"), length, repeated))
+        self._append(record(mcap.METADATA, text("rosbag2"), length, repeated))
         span = mcap.SPAN.pack(start, self._end - start)
-        self._put(record(mcap.DATA_END, mcap.SUM.pack(self._sum)))
-        self._put_index(record(mcap.METADATA_INDEX, span, text("rosbag2")))
+        self._append(record(mcap.DATA_END, mcap.SUM.pack(self._sum)))
+        self._append_index(record(mcap.METADATA_INDEX, span, text("rosbag2")))
         self._file.close()
         os.fsync(self._descriptor)
         os.close(self._descriptor)
@@ -249,12 +249,12 @@ class ChunkedWriter:
                     self._file.close()
                     raise
 
-    def _put(self, content: bytes) -> None:
+    def _append(self, content: bytes) -> None:
         self._sum = crc32(content, self._sum)
         self._end += len(content)
         self._file.write(content)
 
-    def _put_chunk(
+    def _append_chunk(
         self, records: bytes, entries: dict[int, list[int]], start: int, end: int
     ) -> None:
         """Write a chunk and its message index, and record its position for the file's index."""
@@ -263,13 +263,13 @@ class ChunkedWriter:
         sizes = mcap.CHUNK_HEADER.pack(start, end, len(records), crc32(records))
         header = sizes + form + mcap.LENGTH.pack(len(compressed))
         offset = self._end
-        self._put(mcap.RECORD.pack(mcap.CHUNK, len(header) + len(compressed)) + header)
-        self._put(compressed)
+        self._append(mcap.RECORD.pack(mcap.CHUNK, len(header) + len(compressed)) + header)
+        self._append(compressed)
         length, indexes = self._end - offset, b""
         for number, rows in entries.items():
             indexes += mcap.COUNT.pack(number, self._end)
             index = struct.pack(f"<HI{len(rows)}Q", number, 8 * len(rows), *rows)
-            self._put(record(mcap.MESSAGE_INDEX, index))
+            self._append(record(mcap.MESSAGE_INDEX, index))
         self._chunks.append(
             record(
                 mcap.CHUNK_INDEX,
@@ -281,7 +281,7 @@ class ChunkedWriter:
             )
         )
 
-    def _put_index(self, metadata_index: bytes) -> None:
+    def _append_index(self, metadata_index: bytes) -> None:
         """Write the index of the file with its checksum, and the end of the file."""
         start, self._sum = self._end, 0
         offsets = b""
@@ -294,13 +294,13 @@ class ChunkedWriter:
         }.items():
             if records:
                 offset = self._end
-                self._put(b"".join(records))
+                self._append(b"".join(records))
                 span = mcap.SPAN.pack(offset, self._end - offset)
                 offsets += record(mcap.SUMMARY_OFFSET, bytes([kind]), span)
         span = mcap.SPAN.pack(start, self._end)
-        self._put(offsets)
-        self._put(mcap.RECORD.pack(mcap.FOOTER, mcap.SPAN.size + mcap.SUM.size) + span)
-        self._put(mcap.SUM.pack(self._sum) + mcap.MAGIC)
+        self._append(offsets)
+        self._append(mcap.RECORD.pack(mcap.FOOTER, mcap.SPAN.size + mcap.SUM.size) + span)
+        self._append(mcap.SUM.pack(self._sum) + mcap.MAGIC)
 
     def _channel_record(self, channel: Channel) -> bytes:
         schema = next(schema.id for schema in self.schemas if schema.name == channel.schema)

@@ -110,8 +110,8 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
         if there.any():
             seen[topic.name] = there
     known = [topic for topic in topics.SIGNALS if topic.name in seen]
-    # A sample was taken if any of its messages exists.
-    taken = {
+    # A sample exists if any of its messages exists.
+    ticks = {
         arm: np.any([seen[topic.name] for topic in known if topic.source == arm], axis=0)
         for arm in topics.ARMS
         if any(topic.source == arm for topic in known)
@@ -121,8 +121,8 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
     reports = [said for said in recorded.diagnostics if start <= said.received < end]
     coupled = recorded.coupled(topics.MASTER) or [(start, end)]
     return Delivery(
-        lost={topic.name: int(np.sum(taken[topic.source] & ~seen[topic.name])) for topic in known},
-        missed={arm: length - int(np.sum(there)) for arm, there in taken.items()},
+        lost={topic.name: int(np.sum(ticks[topic.source] & ~seen[topic.name])) for topic in known},
+        missed={arm: length - int(np.sum(there)) for arm, there in ticks.items()},
         age_us=durations(_report(recorded, "master_device", end), f"{AGE_OF} age"),
         deadlines={
             name: counts

@@ -200,12 +200,12 @@ def _span(file: FileContent) -> _Span | None:
     name = max(samples, key=lambda topic: len(samples[topic].stamps), default="")
     if not name:
         return None
-    given = samples[name]
-    ordered = np.sort(given.stamps)
+    arrivals = samples[name]
+    ordered = np.sort(arrivals.stamps)
     strays = len(ordered) // _OUTLIERS
     ends = int(ordered[strays]), int(ordered[len(ordered) - 1 - strays])
-    keys = given.stamps ^ given.marks
-    return _Span(name, int(given.stamps[0]), int(given.stamps[-1]), *ends, keys)
+    keys = arrivals.stamps ^ arrivals.marks
+    return _Span(name, int(arrivals.stamps[0]), int(arrivals.stamps[-1]), *ends, keys)
 
 
 def _order(

@@ -248,9 +248,9 @@ class McapFile:
                 self._report("differs from its checksum, but in no message")
 
     def _report(self, problem: object) -> None:
-        told = f"{self.path.name}: {' '.join(str(problem).split())}"
-        if len(self.problems) < MOST_PROBLEMS and told not in self.problems:
-            self.problems.append(told)
+        line = f"{self.path.name}: {' '.join(str(problem).split())}"
+        if len(self.problems) < MOST_PROBLEMS and line not in self.problems:
+            self.problems.append(line)
 
     def _intact_index(self, file: BinaryIO, size: int) -> _Index | None:
         """Return the index; None if it is missing or damaged, which is reported."""

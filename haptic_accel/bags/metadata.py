@@ -305,8 +305,8 @@ def _checked_text(path: Path) -> str:
         The path is not a file, or the file is too large.
     """
     content = read_bytes(path)
-    given = re.search(rb"%s([0-9a-f]{8})\n?\Z" % _SUM.encode(), content)
-    if given and crc32(content[: given.start()]) != int(given[1], 16):
+    match = re.search(rb"%s([0-9a-f]{8})\n?\Z" % _SUM.encode(), content)
+    if match and crc32(content[: match.start()]) != int(match[1], 16):
         raise ValueError("it differs from its checksum, which is its last line")
     return content.decode()
 

@@ -447,8 +447,8 @@ _IN_ORDER = (
 def _check_tables(database: sqlite3.Connection) -> None:
     """Reject a database with computed rows, whose number may be unlimited."""
     for kind, name, statement in database.execute("SELECT type, name, sql FROM sqlite_master"):
-        words = str(statement).upper()
-        is_stored = kind in ("table", "index") and not words.startswith("CREATE VIRTUAL")
+        sql = str(statement).upper()
+        is_stored = kind in ("table", "index") and not sql.startswith("CREATE VIRTUAL")
         columns = "SELECT 1 FROM pragma_table_xinfo(?) WHERE hidden != 0"
         if not is_stored or database.execute(columns, (name,)).fetchone():
             raise ValueError("it has computed rows, which are not allowed")
@@ -555,24 +555,24 @@ class _Collected:
         bag = Bag(self._bag.path, counts=counts, files=names)
         bag.problems.extend([*self._bag.problems, *used.notes])
         bag.facts.update(self._stated_facts(used) | facts_of(used.custom))
-        given, of_files = {}, {}
+        sampled, of_files = {}, {}
         for name, (stamps, arrivals, marks, *_) in self._columns.items():
             moved = used.moved(np.frombuffer(arrivals, np.int64))
             if not (moved >= 0).any():
                 continue
             of_files[name] = np.flatnonzero(moved >= 0)
             columns = np.frombuffer(stamps, np.int64), moved, np.frombuffer(marks, np.int64)
-            given[name] = Arrivals(*columns)[of_files[name]]
-        found = timeline(given, bag.stated_rate)
+            sampled[name] = Arrivals(*columns)[of_files[name]]
+        found = timeline(sampled, bag.stated_rate)
         bag.problems.extend(found.notes)
-        for name in given:
+        for name in sampled:
             *_, received, values = self._columns[name]
             if not len(found.stamps[name]):
                 continue
             chosen = of_files[name][found.chosen[name]]
             times, vectors = np.frombuffer(received, np.int64), np.frombuffer(values)
             if len(times):
-                times = found.moved(times[chosen], given[name].offsets[found.chosen[name]])
+                times = found.moved(times[chosen], sampled[name].offsets[found.chosen[name]])
             if len(vectors):
                 vectors = vectors.reshape(-1, 3)[chosen]
             bag.signals[name] = Signal(found.stamps[name], times, vectors.reshape(-1, 3))

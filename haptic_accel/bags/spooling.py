@@ -85,7 +85,7 @@ def spooled_bags(
     """
     parts = _in_order(read_parts(path, most))
     try:
-        return [_spooled(Bag(path), _counted(parts, _messages(path), progress), folder, "")]
+        return [_spooled(Bag(path), _tracked(parts, _messages(path), progress), folder, "")]
     except (_DisorderError, *DAMAGE_ERRORS):  # read_bags corrects these if possible
         whole = enumerate(read_bags(path))
         return [_spooled(each, iter([each]), folder, f"{n}-") for n, each in whole]
@@ -98,7 +98,7 @@ def _messages(path: Path) -> int:
     return 0
 
 
-def _counted(
+def _tracked(
     parts: Iterator[Bag], messages: int, progress: Callable[[float], None]
 ) -> Iterator[Bag]:
     done = 0

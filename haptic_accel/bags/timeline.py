@@ -100,7 +100,7 @@ class Timeline:
     notes: list[str] = field(default_factory=list)
     _offsets: list[int] = field(default_factory=list)
     _shifts: list[int] = field(default_factory=lambda: [0])
-    _counted: tuple[IntArray, IntArray] | None = None
+    _clocks: tuple[IntArray, IntArray] | None = None
 
     def moved(self, times: IntArray, offsets: IntArray) -> IntArray:
         """Convert times of the bag's clock, with offsets of arrival, to this timeline, ns."""
@@ -109,9 +109,9 @@ class Timeline:
 
     def _steady(self, times: IntArray) -> IntArray:
         """Convert times to a clock with a constant rate."""
-        if self._counted is None:
+        if self._clocks is None:
             return times
-        own, steady = self._counted
+        own, steady = self._clocks
         near = np.clip(np.searchsorted(own, times, side="right") - 1, 0, len(own) - 1)
         return steady[near] + times - own[near]
 
@@ -127,31 +127,31 @@ def timeline(topics: Mapping[str, Arrivals], rate: float | None = None) -> Timel
         Sampling rate stated in the bag, Hz.
     """
     found = Timeline()
-    by_arrival = {name: np.argsort(given.offsets, kind="stable") for name, given in topics.items()}
-    arrived = {name: given[by_arrival[name]] for name, given in topics.items()}
-    longest = max(arrived.values(), key=lambda given: len(given.stamps), default=None)
+    by_arrival = {name: np.argsort(topic.offsets, kind="stable") for name, topic in topics.items()}
+    arrived = {name: topic[by_arrival[name]] for name, topic in topics.items()}
+    longest = max(arrived.values(), key=lambda topic: len(topic.stamps), default=None)
     if longest is None:
         return found
     is_shuffled = np.sum(np.diff(longest.stamps) < 0) > SHUFFLED * (len(longest.stamps) - 1)
     period = _period(np.sort(longest.stamps) if is_shuffled else longest.stamps)
     near = 0.0 if is_shuffled else period
-    taken = {name: ~strays for name, strays in _strays(arrived, near)}
-    _tell_strays(arrived, taken, found.notes)
-    left = {name: given[taken[name]] for name, given in arrived.items()}
+    kept = {name: ~strays for name, strays in _strays(arrived, near)}
+    _note_strays(arrived, kept, found.notes)
+    left = {name: topic[kept[name]] for name, topic in arrived.items()}
     cuts = {
-        name: [] if is_shuffled else list(_steps(given, period)) for name, given in left.items()
+        name: [] if is_shuffled else list(_steps(topic, period)) for name, topic in left.items()
     }
     parts = _parts(left, cuts, found)
     _join(left, parts, cuts, period, found)
-    jumps = [np.diff(given.stamps[parts[name] >= 0]) for name, given in left.items()]
+    jumps = [np.diff(topic.stamps[parts[name] >= 0]) for name, topic in left.items()]
     if not found._offsets and any((each < -_RELEASED).any() for each in jumps):
         found.notes.append("its messages are not in order of time: their stamps give the order")
     doubled = 0
-    for name, given in left.items():
-        stamps = given.stamps + np.array(found._shifts, np.int64)[parts[name]]
+    for name, topic in left.items():
+        stamps = topic.stamps + np.array(found._shifts, np.int64)[parts[name]]
         order = np.argsort(stamps, kind="stable")
         order = order[parts[name][order] >= 0]
-        sure, twice, other = _once(given[order], stamps[order])
+        sure, twice, other = _once(topic[order], stamps[order])
         doubled += twice
         if other:
             found.notes.append(
@@ -160,7 +160,7 @@ def timeline(topics: Mapping[str, Arrivals], rate: float | None = None) -> Timel
             )
         order = order[sure]
         found.stamps[name] = stamps[order]
-        found.chosen[name] = by_arrival[name][np.flatnonzero(taken[name])[order]]
+        found.chosen[name] = by_arrival[name][np.flatnonzero(kept[name])[order]]
     if doubled:
         found.notes.append(f"{doubled} messages are there twice, and count once")
     _steadied(found, rate)
@@ -180,15 +180,15 @@ def _strays(arrived: Mapping[str, Arrivals], period: float) -> Iterator[tuple[st
     Strays are few and at times without samples of other topics, or single between neighbours. The
     period, in ns, is 0 if neighbours are not to be compared.
     """
-    every = np.sort(np.concatenate([given.stamps for given in arrived.values()]), kind="stable")
+    every = np.sort(np.concatenate([topic.stamps for topic in arrived.values()]), kind="stable")
     groups = np.flatnonzero(np.diff(every) > FAR * NANOSECONDS) + 1
     sizes = np.diff(np.concatenate([[0], groups, [len(every)]]))
     is_stray = sizes * STRAY_SHARE < len(every)
-    for name, given in arrived.items():
-        group = np.searchsorted(every[groups], given.stamps, side="right")
+    for name, topic in arrived.items():
+        group = np.searchsorted(every[groups], topic.stamps, side="right")
         strays = is_stray[group]
-        if period and len(given.stamps) > 2:
-            before, at, after = given.stamps[:-2], given.stamps[1:-1], given.stamps[2:]
+        if period and len(topic.stamps) > 2:
+            before, at, after = topic.stamps[:-2], topic.stamps[1:-1], topic.stamps[2:]
             is_near = np.abs(after - before - 2 * period) <= period
             strays[1:-1] |= is_near & (np.abs(at - before) > _RELEASED)
             strays[0] |= before[0] - at[0] > _RELEASED
@@ -196,22 +196,22 @@ def _strays(arrived: Mapping[str, Arrivals], period: float) -> Iterator[tuple[st
         yield name, strays
 
 
-def _tell_strays(
-    arrived: Mapping[str, Arrivals], taken: Mapping[str, BoolArray], notes: list[str]
+def _note_strays(
+    arrived: Mapping[str, Arrivals], kept: Mapping[str, BoolArray], notes: list[str]
 ) -> None:
-    for name, given in arrived.items():
-        if len(strays := given.stamps[~taken[name]]):
+    for name, topic in arrived.items():
+        if len(strays := topic.stamps[~kept[name]]):
             notes.append(
-                f"{name}: {len(strays)} of {len(given.stamps)} messages are left out: stamps far"
+                f"{name}: {len(strays)} of {len(topic.stamps)} messages are left out: stamps far"
                 f" from all others, such as {strays[0] / NANOSECONDS:.3f} s"
             )
 
 
-def _steps(given: Arrivals, period: float) -> Iterator[_Step]:
+def _steps(topic: Arrivals, period: float) -> Iterator[_Step]:
     """Yield the offsets from which a topic's stamps repeat earlier times."""
     begin = 0
     for _ in range(MOST_STEPS):
-        rest = given[slice(begin, None)]
+        rest = topic[slice(begin, None)]
         jumps = np.diff(rest.stamps)
         latest = _contradiction(rest, period)
         if latest is None:
@@ -230,12 +230,12 @@ def _steps(given: Arrivals, period: float) -> Iterator[_Step]:
         begin += at + 1
 
 
-def _contradiction(given: Arrivals, period: float) -> int | None:
+def _contradiction(topic: Arrivals, period: float) -> int | None:
     """Return the index of the first message at a time that belongs to another sample."""
-    if len(given.stamps) < 3 or bool((np.diff(given.stamps) > 0).all()):
+    if len(topic.stamps) < 3 or bool((np.diff(topic.stamps) > 0).all()):
         return None
-    order = np.argsort(given.stamps, kind="stable")
-    stamps, marks = given.stamps[order], given.marks[order]
+    order = np.argsort(topic.stamps, kind="stable")
+    stamps, marks = topic.stamps[order], topic.marks[order]
     is_same = stamps[1:] == stamps[:-1]
     differs = is_same & (marks[1:] != marks[:-1])
     found = [np.maximum(order[1:], order[:-1])[differs]]
@@ -261,7 +261,7 @@ def _parts(
     common = next((cuts[name] for name in cuts if number and len(cuts[name]) == number), [])
     found._offsets = [step.offset for step in common]
     parts = {}
-    for name, given in left.items():
+    for name, topic in left.items():
         own = cuts[name]
         matched = [
             min(
@@ -272,14 +272,14 @@ def _parts(
             for each in common
         ]
         borders = [step.offset for step in matched]
-        parts[name] = np.searchsorted(borders, given.offsets, side="right")
+        parts[name] = np.searchsorted(borders, topic.offsets, side="right")
         # The receiving clock was set before the first message of any topic with the new time.
         found._offsets = [min(pair) for pair in zip(found._offsets, borders, strict=True)]
         cuts[name] = matched if all(step in own for step in matched) else []
         # A repeated or overtaken message is not a clock step.
         faults = [step for step in own if step not in matched and step.by < -_RELEASED]
         if faults:
-            late = given.offsets >= faults[0].offset
+            late = topic.offsets >= faults[0].offset
             parts[name][late] = -1
             cuts[name] = []
             found.notes.append(
@@ -304,7 +304,7 @@ def _join(
         end = max(int(stamps.max()) for stamps in before if len(stamps)) + found._shifts[-1]
         shift = round(end + period) - min(int(s.min()) for s in after if len(s))
         by = (shift - found._shifts[-1]) / NANOSECONDS
-        begin = min(int(given.stamps[0]) for given in left.values() if len(given.stamps))
+        begin = min(int(topic.stamps[0]) for topic in left.values() if len(topic.stamps))
         found._shifts.append(shift)
         found.notes.append(
             f"its clock was set back by {by:.4g} s at {(end - begin) / NANOSECONDS:.1f} s: samples"
@@ -312,12 +312,12 @@ def _join(
         )
 
 
-def _once(given: Arrivals, stamps: IntArray) -> tuple[BoolArray, int, int]:
+def _once(topic: Arrivals, stamps: IntArray) -> tuple[BoolArray, int, int]:
     """Return a mask of the last message per stamp, and numbers of copies and contradictions."""
     sure = np.concatenate([np.diff(stamps) > 0, [True]])[: len(stamps)]
     lasts = np.flatnonzero(sure)
     last = lasts[np.searchsorted(lasts, np.arange(len(stamps)))]
-    is_copy = ~sure & (given.marks == given.marks[last])
+    is_copy = ~sure & (topic.marks == topic.marks[last])
     return sure, int(is_copy.sum()), int((~sure & ~is_copy).sum())
 
 
@@ -336,16 +336,16 @@ def _steadied(found: Timeline, rate: float | None) -> None:
         return
     steps, whole = grid_steps(stamps, period)
     is_clean = np.abs(steps - whole) <= CLEAN
-    counted = np.concatenate([[0.0], np.cumsum(whole)])
+    indices = np.concatenate([[0.0], np.cumsum(whole)])
     if np.mean(is_clean) < CLEAN_SHARE:
         return
     # A sender that ends sends zero at once, off the grid; this is not drift.
     end = np.flatnonzero(is_clean)[-1] + 2
-    drift = ((stamps - stamps[0]) / period - counted)[:end]
+    drift = ((stamps - stamps[0]) / period - indices)[:end]
     if np.abs(drift).max() <= MOST_DRIFT:
         return
-    steady = stamps[0] + np.round(counted * period).astype(np.int64)
-    found._counted = stamps, steady
+    steady = stamps[0] + np.round(indices * period).astype(np.int64)
+    found._clocks = stamps, steady
     found.stamps = {name: found._steady(own) for name, own in found.stamps.items()}
     found.notes.append(
         f"its clock ran at another rate than its samples, up to {np.abs(drift).max():.1f} samples"

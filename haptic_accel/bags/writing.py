@@ -73,8 +73,8 @@ class BagFiles:
         self._facts = facts
         self._connections: list[Connection] = []
         self._finished: dict[str, Tally] = {}
-        self._given = 0  # messages in the file being written
-        self._begun = 0  # recording time of the file's first message
+        self._messages = 0  # messages in the file being written
+        self._start = 0  # recording time of the file's first message
         self._is_misplaced = False
         self._moved_to: Path | None = None  # new location of misplaced files
         self._known: dict[str, os.stat_result] = {}  # finished files, to detect replaced ones
@@ -89,7 +89,7 @@ class BagFiles:
     @property
     def written(self) -> int:
         """Number of messages in the bag, including pending ones."""
-        return sum(tally.messages for tally in self._finished.values()) + self._given
+        return sum(tally.messages for tally in self._finished.values()) + self._messages
 
     @property
     def file_names(self) -> list[str]:
@@ -122,8 +122,8 @@ class BagFiles:
             self.lost += 1
             self._fail(error)
             return
-        self._begun = self._begun or received
-        self._given += 1
+        self._start = self._start or received
+        self._messages += 1
         self.bytes += len(data)
 
     def flush(self) -> None:
@@ -138,7 +138,7 @@ class BagFiles:
         try:
             following = self._open(len(self._finished) + 1)
         except OSError as error:
-            self._begun = 0  # no new attempt at each message
+            self._start = 0  # no new attempt at each message
             self.trouble = f"{self.path}: cannot be split: {_reason(error)}"
             return
         self._attempt(self._close_file)
@@ -176,12 +176,12 @@ class BagFiles:
             f" be read, {dropped} are not{trouble}"
         )
 
-    def _attempt(self, action: Callable[..., None], *given: object) -> None:
+    def _attempt(self, action: Callable[..., None], *args: object) -> None:
         """Apply an action to the current file, unless the recording has failed."""
         if not self._file or self.failure:
             return
         try:
-            action(self._file, *given)
+            action(self._file, *args)
         except OSError as error:
             self._fail(error)
 
@@ -193,15 +193,15 @@ class BagFiles:
             self._file.give_up(self._metadata().text)
         except OSError:
             self.trouble = f"{self._file.path.name} has no index: haptic-accel bag repair makes it"
-        given, self._given = self.written, self._file.kept.messages
+        written, self._messages = self.written, self._file.kept.messages
         if isinstance(error, MisplacedError):
             self._is_misplaced = True
             if error.is_removed:
-                self._given = 0
+                self._messages = 0
             elif error.location:
                 is_renamed = error.location.name != self._file.path.name
                 self._moved_to = error.location if is_renamed else error.location.parent
-        self.lost += given - self.written
+        self.lost += written - self.written
         self._forget_lost_files()
         self._renew_metadata()
 
@@ -222,10 +222,10 @@ class BagFiles:
         return False
 
     def _is_full(self, received: int) -> bool:
-        if not (self._begun and self._file):
+        if not (self._start and self._file):
             return False
         size, duration = self._options.max_bag_size, self._options.max_bag_duration
-        is_long = received - self._begun >= duration * NANOSECONDS
+        is_long = received - self._start >= duration * NANOSECONDS
         return bool(size and self._file.size >= size) or bool(duration and is_long)
 
     def _open(self, number: int) -> ChunkedWriter:
@@ -240,7 +240,7 @@ class BagFiles:
         file.finish(self._metadata().text)
         self._finished[file.path.name] = file.kept
         self._file = None
-        self._given = self._begun = 0
+        self._messages = self._start = 0
 
     def _renew_metadata(self) -> bool:
         """Write the metadata; return whether this succeeded."""
@@ -383,7 +383,7 @@ class BagWriter:
         self._queue.append(lambda: self.files.add(added))
         queue, capacity, now = self._queue, self.capacity, time.time_ns
 
-        def put(message: bytes, received: int | None = None) -> None:
+        def write(message: bytes, received: int | None = None) -> None:
             if self.paused:
                 return
             if len(queue) < capacity:
@@ -391,7 +391,7 @@ class BagWriter:
             else:
                 self._overflow += 1
 
-        return put
+        return write
 
     @property
     def dropped(self) -> int:
@@ -520,7 +520,7 @@ class RecordingSession:
         self._options = options
         self._write = partial(BagWriter, capacity=capacity, facts=facts)
         self._connects: dict[str, Connect] = {}
-        self._puts: dict[str, MessageWriter] = {}
+        self._writers: dict[str, MessageWriter] = {}
         self._stopped = False
         self.failures: list[str] = []
         self.writer = self._open(options)
@@ -539,7 +539,7 @@ class RecordingSession:
         def connect(writer: BagWriter) -> MessageWriter:
             return writer.connect(topic, kind, offered, sampled=sampled)
 
-        puts = self._puts
+        puts = self._writers
         puts[topic] = connect(self.writer)
         self._connects[topic] = connect
         return lambda message, received=None: puts[topic](message, received)
@@ -568,7 +568,7 @@ class RecordingSession:
         except ParameterError as error:
             return False, str(error)
         for topic, connect in self._connects.items():
-            self._puts[topic] = connect(self.writer)
+            self._writers[topic] = connect(self.writer)
         self._stopped = False
         return True, f"{self.path}: recording"
 

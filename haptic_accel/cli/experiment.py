@@ -209,7 +209,7 @@ def _report(run: Run, folder: Path, json_file: Path | None, workers: Workers) ->
     warnings = list(table.experiment_warnings(analysis, composed=run.arguments.composed))
     page = write_experiment(run, analysis, folder, *warnings)
     save(table.experiment_metrics(run, analysis), json_file)
-    if comparison := table.beside_lockstep(analysis, run.expected):
+    if comparison := table.lockstep_comparison(analysis, run.expected):
         print_table(comparison)
     print_analysis(analysis, None, *warnings, f"report: {page}")
     return {trial.segment.bag for trial in analysis.trials} == set(run.done)

@@ -154,9 +154,7 @@ def identify(
     arguments = replace(arguments, **_amplitudes(setup.arguments))
     if arguments.master == SIMULATED and not sources and len(by_grip) == 1:
         on_arrival = not (lockstep or arguments.latency)
-        result = result.beside_truth(
-            identification.rig_as_held(setup), arguments.sweep, on_arrival
-        )
+        result = result.with_errors(identification.rig_as_held(setup), arguments.sweep, on_arrival)
     run = "lockstep" if lockstep else "live graph"
     if sources:
         run = "recordings: " + ", ".join(sources)

@@ -223,9 +223,9 @@ def read_channels(name: str, text: str) -> tuple[int, ...]:
     ParameterError
         The channels are invalid, or one occurs twice.
     """
-    words = [word.strip() for word in text.split(",")]
-    found = tuple(int(word) for word in words if re.fullmatch("[1-9][0-9]{0,2}", word))
-    if len(found) < len(words) or len(set(found)) < len(found):
+    parts = [part.strip() for part in text.split(",")]
+    found = tuple(int(part) for part in parts if re.fullmatch("[1-9][0-9]{0,2}", part))
+    if len(found) < len(parts) or len(set(found)) < len(found):
         raise ParameterError(
             f"{name} = {shown(repr(text))}: must be different whole numbers from 1, such as '3, 4'"
         )
@@ -372,9 +372,9 @@ def started_stream(
 ) -> Any:
     """Return a started stream of a device with outputs, or with inputs and outputs."""
     kind = library.OutputStream if isinstance(channels, int) else library.Stream
-    given = {"channels": channels, "samplerate": rate, "blocksize": block, "dtype": "float32"}
+    settings = {"channels": channels, "samplerate": rate, "blocksize": block, "dtype": "float32"}
     with refusals(library, f"sound card {library.query_devices(index)['name']} at {rate:g} Hz"):
-        stream = kind(device=index, latency=LATENCY * block / rate, **given)
+        stream = kind(device=index, latency=LATENCY * block / rate, **settings)
         stream.start()
     return stream
 
@@ -424,7 +424,7 @@ class SoundCard:
         Sound server that mixes or resamples; empty for direct access.
     lead : float
         Time from writing a sample to the card until its output, s.
-    hearing : float
+    input_delay : float
         Time from a sample of the card's inputs until it can be read, s; 0 without inputs.
     """
 
@@ -440,7 +440,7 @@ class SoundCard:
         self._stream: Any = None
         self.channels = self._size = self.block = 0
         self.rate = self.lead = math.nan
-        self.hearing = 0.0
+        self.input_delay = 0.0
         self.name = self.server = ""
 
     def open(self) -> None:
@@ -505,7 +505,7 @@ class SoundCard:
         """Write samples relative to full scale, shape (n, coils); return True on an underrun."""
         frames = np.zeros((len(samples), self.channels), dtype=np.float32)
         frames[:, self._own] = samples
-        return bool(self._asked(lambda stream: stream.write(frames)))
+        return bool(self._query(lambda stream: stream.write(frames)))
 
     def play(self, samples: FloatArray) -> None:
         """Write samples, as for `write`, at the pace at which the card fetches them.
@@ -525,9 +525,9 @@ class SoundCard:
             clocks.sleep(self.block / self.rate / 2)
 
     def _free(self) -> int:
-        return int(self._asked(lambda stream: stream.write_available))
+        return int(self._query(lambda stream: stream.write_available))
 
-    def _asked(self, question: Callable[[Any], Any]) -> Any:
+    def _query(self, question: Callable[[Any], Any]) -> Any:
         """Query PortAudio's stream, which fails once the card is unplugged."""
         with refusals(self._library, f"sound card {self.name}"):
             return question(self._stream)
@@ -610,7 +610,7 @@ class AudioActuator(interface.CompositeDevice):
                 f" the sound card's {card.rate:g} Hz"
             )
         # A force is known at most one sample after its cause.
-        least = math.ceil((card.lead + card.hearing) * self._rate) + 1
+        least = math.ceil((card.lead + card.input_delay) * self._rate) + 1
         if self._latency < least:
             raise ParameterError(
                 f"latency = {self._latency}: must be at least {least} with {card.block} samples a"
@@ -639,16 +639,16 @@ class AudioActuator(interface.CompositeDevice):
     def _add(self, time: float, force: Vector) -> None:
         turned = self._mounting.coil_forces(force) if self._mounting else force
         coils = self.axes.components(turned)
-        felt = isinstance(self._device, SimulatedDevice)
+        simulated = isinstance(self._device, SimulatedDevice)
         if time > self._clock():
             self._late += time < self._next
             self._force.put(time, coils)
-            if felt:
+            if simulated:
                 self._waiting.append((time, force))
             return
         self._force.replace(coils)
         self._waiting.clear()
-        if felt:
+        if simulated:
             self._device.write(time, actuator_force=force)
 
     def _supply(self) -> None:

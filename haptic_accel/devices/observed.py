@@ -180,10 +180,10 @@ class ObservedDevice:
             The device was interrupted in each of `ATTEMPTS` measurements.
         """
         for _ in range(ATTEMPTS):
-            begun, before = self._tick, self._device.interruptions
+            start, before = self._tick, self._device.interruptions
             time.sleep(seconds + CATCH_UP)
             if not (lost := self._device.interruptions - before):
-                return self._between(begun, begun + round(seconds * self._rate))
+                return self._between(start, start + round(seconds * self._rate))
         raise DeviceError(
             f"samples lost or shifted {lost} times in {seconds:g} s, must be none; measured"
             f" {ATTEMPTS} times: close other programs, and run haptic-accel doctor"

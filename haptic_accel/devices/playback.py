@@ -197,13 +197,13 @@ def _stamped(bag: Bag, topic: Topic) -> Stamped | None:
 
 def _remark(parameters: ReplayParameters, found: track.Track, rate: float) -> str:
     """Describe the recording and the changes made to it."""
-    words = [f"plays {found.seconds:.1f} s of {parameters.file}"]
+    parts = [f"plays {found.seconds:.1f} s of {parameters.file}"]
     if found.rate != rate:
-        words.append(f"resampled from {found.rate:g} to {rate:g} Hz")
+        parts.append(f"resampled from {found.rate:g} to {rate:g} Hz")
     if parameters.speed != 1.0:
-        words.append(f"at {parameters.speed:g} times the speed: frequencies change as much")
+        parts.append(f"at {parameters.speed:g} times the speed: frequencies change as much")
     if lost := int(found.lost.sum()):
-        words.append(f"{lost} missing samples repeat the previous one")
+        parts.append(f"{lost} missing samples repeat the previous one")
     if not found.position.any():
-        words.append("without motion, the arm stands still")
-    return ", ".join(words)
+        parts.append("without motion, the arm stands still")
+    return ", ".join(parts)

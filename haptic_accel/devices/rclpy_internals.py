@@ -55,7 +55,7 @@ TAKES = all(
 )
 """True if messages and requests can be taken without an executor."""
 
-Taken = tuple[Any, dict[str, Any]]
+Received = tuple[Any, dict[str, Any]]
 """Message and its metadata."""
 
 
@@ -76,7 +76,7 @@ def publisher_count(subscription: Subscription) -> Callable[[], int]:
 
 def message_taker(
     subscription: Subscription, serve: Callable[[], object] = int
-) -> Callable[[], Taken | None]:
+) -> Callable[[], Received | None]:
     """Return a function that takes the next message; None if there is none.
 
     Parameters
@@ -89,14 +89,14 @@ def message_taker(
     if TAKES:
         take = subscription.handle.take_message
         return partial(take, subscription.msg_type, subscription.raw)
-    waiting: deque[Taken] = deque(maxlen=subscription.qos_profile.depth)
+    waiting: deque[Received] = deque(maxlen=subscription.qos_profile.depth)
 
     def receive(message: Any) -> None:
         # Jazzy's executor fails for a callback with the metadata as an argument.
         information = {"received_timestamp": time.time_ns(), "publication_sequence_number": None}
         waiting.append((message, information))
 
-    def next_message() -> Taken | None:
+    def next_message() -> Received | None:
         serve()
         return waiting.popleft() if waiting else None
 

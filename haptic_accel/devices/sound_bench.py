@@ -75,7 +75,7 @@ SPARED = 1
 """Number of samples subtracted from the measured round trip, so that the remaining delay of the
 plant is not negative."""
 
-LEAST_LIKENESS = 0.1
+LEAST_CORRELATION = 0.1
 """Minimum correlation of the noise and the response."""
 
 JACK_CHANNELS = 2
@@ -226,7 +226,7 @@ class DuplexCard:
             )
         self.clock.observe(self.received, now)
 
-    def around(self, first: int, count: int) -> FloatArray | None:
+    def window(self, first: int, count: int) -> FloatArray | None:
         """Return samples from an index on, shape (count, inputs); None if no longer stored."""
         begin = first - (self.received - self._filled)
         return self._buffer[begin : begin + count] if begin >= 0 else None
@@ -272,8 +272,8 @@ class DuplexCard:
             return
         noise, answer, heard = self._sounded
         for tool in self.tools:
-            likeness, _, strength = alike(noise, tool.accelerations(answer))
-            if likeness >= LEAST_LIKENESS and strength > MOST_HEARD * heard:
+            correlation, _, strength = alike(noise, tool.accelerations(answer))
+            if correlation >= LEAST_CORRELATION and strength > MOST_HEARD * heard:
                 raise DeviceError(
                     f"audio.inputs: the tool's accelerometer answers the coil with"
                     f" {strength / heard:.0%} of the handle's motion (must be at most"
@@ -356,7 +356,7 @@ class BenchOutput(audio.SoundCard):
         self.block = self._parameters.block
         self._fill(self._free(), self._stream.latency[1])
         self._size = self._empty_size()
-        self.hearing = self._sensor.hearing
+        self.input_delay = self._sensor.input_delay
         self._trip = self._round_trip()
         self.lead += self._trip / self.rate
 
@@ -388,7 +388,7 @@ class BenchOutput(audio.SoundCard):
     def _round_trip(self) -> int:
         """Return the delay from output to response of the handle's accelerometer, samples."""
         noise = np.random.default_rng(0).uniform(-SOFT, SOFT, round(SOUNDED * self.rate))
-        given = np.repeat(noise[:, np.newaxis], len(self._own), axis=1)
+        sound = np.repeat(noise[:, np.newaxis], len(self._own), axis=1)
         most = round(LONGEST_TRIP * self.rate)
         begin, end = self._written, math.inf
         latest = self._duplex.received + len(noise) + most + audio.FIRST_BLOCK * self.rate
@@ -397,13 +397,13 @@ class BenchOutput(audio.SoundCard):
                 raise DeviceError(f"sound card {self.name}: plays nothing of what it is given")
             if room := min(self.room, begin + len(noise) - self._written):
                 done = self._written - begin
-                self.write(given[done : done + room])
+                self.write(sound[done : done + room])
             self._duplex.receive(clocks.monotonic())
             lag = self._duplex.played(self._written, self._size)
             if self._written == begin + len(noise):
                 end = self._written - lag + most
             clocks.sleep(self.block / self.rate / 4)
-        answer = self._duplex.around(begin - lag, len(noise) + most)
+        answer = self._duplex.window(begin - lag, len(noise) + most)
         if answer is None:
             raise DeviceError(f"sound card {self.name}: too slow to measure its round trip")
         trip, heard = likest(noise, self._sensor.accelerations(answer))
@@ -422,14 +422,14 @@ def likest(noise: FloatArray, answer: FloatArray) -> tuple[int, float]:
     Raises
     ------
     DeviceError
-        The correlation is below `LEAST_LIKENESS` in all channels.
+        The correlation is below `LEAST_CORRELATION` in all channels.
     """
-    likeness, delay, strength = alike(noise, answer)
-    if likeness < LEAST_LIKENESS:
+    correlation, delay, strength = alike(noise, answer)
+    if correlation < LEAST_CORRELATION:
         raise DeviceError(
             f"audio.inputs: the handle's accelerometer does not answer the coil (correlation"
-            f" {likeness:.2f}, must be at least {LEAST_LIKENESS:g}); are amplifier and sensor on,"
-            " and audio.inputs and audio.channels right?"
+            f" {correlation:.2f}, must be at least {LEAST_CORRELATION:g}); are amplifier and"
+            " sensor on, and audio.inputs and audio.channels right?"
         )
     return delay, strength
 
@@ -451,8 +451,8 @@ def alike(noise: FloatArray, answer: FloatArray) -> tuple[float, int, float]:
         found = np.abs(signal.correlate(each, noise, "valid", "fft"))
         best = int(found.argmax())
         part = each[best : best + len(noise)]
-        likeness = float(found[best] / (size * np.linalg.norm(part) + 1e-12))
-        likest = max(likest, (likeness, best, float(found[best]) / size**2))
+        correlation = float(found[best] / (size * np.linalg.norm(part) + 1e-12))
+        likest = max(likest, (correlation, best, float(found[best]) / size**2))
     return likest
 
 
@@ -497,7 +497,7 @@ class CardAccelerometer(CompositeDevice):
         self._to_base = to_base_axes
         self.card: DuplexCard | None = None
         self._wrong = 0
-        self.hearing = math.nan
+        self.input_delay = math.nan
 
     def _open_own(self) -> None:
         """Open the card.
@@ -527,7 +527,7 @@ class CardAccelerometer(CompositeDevice):
                 f"rate = {self._rate:g}: must be at most {highest:g} Hz with the sound card"
                 f" {card.name} at {card.rate:g} Hz"
             )
-        self.hearing = (p.block + 1) / card.rate
+        self.input_delay = (p.block + 1) / card.rate
         self._sections = _sensor_filter(p.bandwidth, p.ac_corner, card.rate)
         self._state = np.zeros((len(self._sections), 2, len(self._channels)))
         self._known = card.received
@@ -542,20 +542,20 @@ class CardAccelerometer(CompositeDevice):
 
     def read(self, time: float) -> Reading:
         """Return the arm's motion, and the acceleration at a time in s."""
-        felt = self._felt(time)
-        if felt is LATER:
+        measured = self._accelerated(time)
+        if measured is LATER:
             return LATER
         moved = self._device.read(time)  # some devices return each sample only once
         if moved is LATER:
             return LATER
-        if moved is None or felt is None:
+        if moved is None or measured is None:
             return None
-        acceleration = felt.acceleration
+        acceleration = measured.acceleration
         if self._to_base and is_turned(moved.orientation, acceleration):
             acceleration = to_base(moved.orientation, acceleration)
         return moved._replace(acceleration=acceleration)
 
-    def _felt(self, time: float) -> Reading:
+    def _accelerated(self, time: float) -> Reading:
         """Return a sample with only the acceleration at a time in s."""
         card = self.card
         if card is None:
@@ -579,9 +579,9 @@ class CardAccelerometer(CompositeDevice):
 
     def _filter(self, card: DuplexCard) -> None:
         """Filter the samples that have arrived since the last call."""
-        new = card.around(self._known, card.received - self._known)
+        new = card.window(self._known, card.received - self._known)
         if new is None:  # the loop stood still
-            new = card.around(card.received, 0)
+            new = card.window(card.received, 0)
             assert new is not None
         if len(new):
             raw, wrong = bounded(new[:, self._channels])
@@ -605,7 +605,7 @@ class CardAccelerometer(CompositeDevice):
         card = self.card
         own = (
             f"accelerometer on the sound card {card.name}, input {self._parameters.inputs}, read"
-            f" {1e3 * self.hearing:.1f} ms after the sample"
+            f" {1e3 * self.input_delay:.1f} ms after the sample"
             if card
             else ""
         )

@@ -221,10 +221,10 @@ def by_force(
     """
     check_level(shaken, name)
     late = _delay(force, shaken, round(LONGEST_DELAY * rate))
-    half = len(force) // 2
+    middle = len(force) // 2
     strong, weak = (
         _ratio(force[begin : end - late] / mass, shaken[begin + late : end], rate, name)
-        for begin, end in ((0, half), (half, len(force)))
+        for begin, end in ((0, middle), (middle, len(force)))
     )
     unequal = abs(weak[0] / strong[0] - 1)
     if unequal > MOST_UNEQUAL:
@@ -296,8 +296,8 @@ def _delay(cause: FloatArray, response: FloatArray, most: int) -> int:
     """Return the delay of a response, samples; segments would otherwise lose delayed parts."""
     from scipy import signal
 
-    likeness = np.abs(signal.correlate(response, cause, "full", "fft"))
-    return int(likeness[len(cause) - 1 :][:most].argmax())
+    correlation = np.abs(signal.correlate(response, cause, "full", "fft"))
+    return int(correlation[len(cause) - 1 :][:most].argmax())
 
 
 def _ratio(cause: FloatArray, response: FloatArray, rate: float, name: str) -> tuple[float, float]:

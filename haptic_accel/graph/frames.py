@@ -48,12 +48,12 @@ def frames_at_rest(urdf: str) -> Iterator[Frame]:
         names = {part.tag: part.get("link", "") for part in joint}
         if names["child"] in MOVED.values():
             origin = joint.find("origin")
-            given = {} if origin is None else origin.attrib
+            values = {} if origin is None else origin.attrib
             yield Frame(
                 names["parent"],
                 names["child"],
-                tuple(given.get("xyz", _NONE).split()),
-                tuple(given.get("rpy", _NONE).split()),
+                tuple(values.get("xyz", _NONE).split()),
+                tuple(values.get("rpy", _NONE).split()),
             )
     for name, base in MOVED.items():
         yield Frame(base, name)

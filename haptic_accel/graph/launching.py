@@ -66,15 +66,15 @@ def launched(
         typed = given_keys(sys.argv) if _is_started(context) else ()
         _check_spelling([name for name, _, _ in arguments], typed)
         defaults = {name: default for name, default, _ in arguments}
-        given = {name: LaunchConfiguration(name).perform(context) for name in defaults}
-        NamespaceArguments(given["namespace"])  # check the namespace as it was typed
-        given["namespace"] = _pushed(given["namespace"], context)
-        given = {
+        values = {name: LaunchConfiguration(name).perform(context) for name in defaults}
+        NamespaceArguments(values["namespace"])  # check the namespace as it was typed
+        values["namespace"] = _pushed(values["namespace"], context)
+        values = {
             name: value
-            for name, value in given.items()
+            for name, value in values.items()
             if name in typed or value != defaults[name]
         }
-        found = processes([f"{name}:={value}" for name, value in given.items()])
+        found = processes([f"{name}:={value}" for name, value in values.items()])
         lock = ExitStack()
         lock.enter_context(sole_graph(found[0].namespace))
         leave = RegisterEventHandler(OnShutdown(on_shutdown=lambda *_: lock.close()))
@@ -83,7 +83,7 @@ def launched(
         # Removed at exit only, because restarted nodes read their parameters again.
         folder = TemporaryDirectory(prefix="haptic_accel-")
         atexit.register(folder.cleanup)
-        prefix = " ".join([context.launch_configurations.get(PREFIX, ""), *blocking_words()])
+        prefix = " ".join([context.launch_configurations.get(PREFIX, ""), *blocking_prefix()])
         nodes = [_node(process, Path(folder.name), prefix) for process in found]
         return [leave, *nodes, *_frame_publishers(found[0].namespace or "/")]
 
@@ -114,15 +114,15 @@ def _pushed(namespace: str, context: LaunchContext) -> str:
     return f"{context.launch_configurations.get(PUSHED, '')}/{namespace}"
 
 
-def blocking_words() -> Sequence[str]:
+def blocking_prefix() -> Sequence[str]:
     """Return the command-line prefix that blocks `BLOCKED`; empty if impossible."""
     names = ",".join(each.name.removeprefix("SIG") for each in BLOCKED)
-    words = "env", f"--block-signal={names}"
+    prefix = "env", f"--block-signal={names}"
     try:
-        known = subprocess.run([*words, "true"], capture_output=True, check=False).returncode == 0
+        known = subprocess.run([*prefix, "true"], capture_output=True, check=False).returncode == 0
     except OSError:
         known = False
-    return words if known else ()
+    return prefix if known else ()
 
 
 def _node(process: Process, folder: Path, prefix: str) -> Node:

@@ -99,7 +99,7 @@ def _described(process: int) -> str:
         line = Path(f"/proc/{process}/cmdline").read_bytes().decode(errors="replace")
     except OSError:
         return f"process {process or 'unknown'}"
-    own = takewhile(lambda word: word not in ("", "--ros-args"), line.split("\0"))
-    words = (word for word in own if not (word == "-c" or word.startswith("import ")))
-    shown = " ".join(Path(word).name if word.startswith("/") else word for word in words)
+    own = takewhile(lambda part: part not in ("", "--ros-args"), line.split("\0"))
+    parts = (part for part in own if not (part == "-c" or part.startswith("import ")))
+    shown = " ".join(Path(part).name if part.startswith("/") else part for part in parts)
     return f"process {process} ({shown})"

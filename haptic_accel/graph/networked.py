@@ -21,7 +21,7 @@ from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import module_command
 from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
-from haptic_accel.graph.relaying import CHANGED, PORTS, words_of
+from haptic_accel.graph.relaying import CHANGED, PORTS, assignments_of
 from haptic_accel.graph.stop_signal import own_domain, used_domains
 from haptic_accel.links.addresses import bound
 from haptic_accel.setup.arguments import SIMULATED, SURFACES, GraphArguments, check_both_arms
@@ -66,7 +66,7 @@ class RelayProcess:
             [
                 *module_command("haptic_accel.graph.relaying"),
                 *(f"master:={master}", f"slave:={slave}"),
-                *words_of(network),
+                *assignments_of(network),
             ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -97,7 +97,7 @@ class RelayProcess:
         """
         assert self._process.stdin
         with suppress(BrokenPipeError):  # the relay has ended; the wait for its answer fails
-            self._process.stdin.write(" ".join(words_of(network)) + "\n")
+            self._process.stdin.write(" ".join(assignments_of(network)) + "\n")
             self._process.stdin.flush()
         self._wait(network)
 
@@ -129,7 +129,7 @@ class RelayProcess:
 
     def _wait(self, network: ChannelParameters) -> None:
         """Wait until the relay reports a network."""
-        expected = CHANGED + " ".join(words_of(network))
+        expected = CHANGED + " ".join(assignments_of(network))
         try:
             line = self._lines.get(timeout=ANSWER_TIME)
         except queue.Empty:

@@ -167,18 +167,18 @@ class RelayArguments(Checked):
         return ChannelParameters(self.delay, self.jitter, self.loss, self.duplication)
 
 
-def words_of(network: ChannelParameters) -> list[str]:
+def assignments_of(network: ChannelParameters) -> list[str]:
     """Return a network as ``key:=value`` arguments.
 
     Examples
     --------
-    >>> words_of(ChannelParameters(delay=0.05, loss=0.02))
+    >>> assignments_of(ChannelParameters(delay=0.05, loss=0.02))
     ['delay:=0.05', 'jitter:=0.0', 'loss:=0.02', 'duplication:=0.0']
     """
     return [f"{name}:={value!r}" for name, value in vars(network).items()]
 
 
-def changed(network: ChannelParameters, words: Iterable[str]) -> ChannelParameters:
+def changed(network: ChannelParameters, assignments: Iterable[str]) -> ChannelParameters:
     """Return a network with the values of ``key:=value`` arguments; other values remain.
 
     Raises
@@ -191,9 +191,9 @@ def changed(network: ChannelParameters, words: Iterable[str]) -> ChannelParamete
     >>> changed(ChannelParameters(delay=0.05), ["loss:=0.02"])
     ChannelParameters(delay=0.05, jitter=0.0, loss=0.02, duplication=0.0)
     """
-    words = list(words)
-    given = parse_words(words, ChannelParameters)
-    return replace(network, **{name: getattr(given, name) for name in given_keys(words)})
+    assignments = list(assignments)
+    parsed = parse_words(assignments, ChannelParameters)
+    return replace(network, **{name: getattr(parsed, name) for name in given_keys(assignments)})
 
 
 def opened(arguments: RelayArguments) -> Relay:
@@ -261,14 +261,14 @@ def _change(relay: Relay, line: str, say: Callable[[str], object]) -> None:
 
 
 def _stated(network: ChannelParameters) -> str:
-    return CHANGED + " ".join(words_of(network))
+    return CHANGED + " ".join(assignments_of(network))
 
 
 def main() -> None:
     """Relay until a signal, or until the process at the other end of standard input ends."""
-    asked: list[int] = []
+    numbers: list[int] = []
     for number in ENDING:
-        signal.signal(number, lambda number, _: asked.append(number))
+        signal.signal(number, lambda number, _: numbers.append(number))
     parent = os.getppid()
     try:
         relay = opened(parse_words(sys.argv[1:], RelayArguments))
@@ -276,7 +276,7 @@ def main() -> None:
         serve(
             relay,
             lambda line: print(line, flush=True),
-            lambda: bool(asked) or os.getppid() != parent,
+            lambda: bool(numbers) or os.getppid() != parent,
             sys.stdin.fileno(),
         )
     except (ParameterError, OSError) as error:

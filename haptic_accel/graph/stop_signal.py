@@ -165,12 +165,12 @@ def age() -> float:
     return time.clock_gettime(time.CLOCK_BOOTTIME) - started
 
 
-def stop_at_once(words: Sequence[str]) -> Signalled | None:
+def stop_at_once(arguments: Sequence[str]) -> Signalled | None:
     """Stop a graph by the arguments of ``haptic-accel estop``, as `stop_graphs` does.
 
     Parameters
     ----------
-    words : sequence of str
+    arguments : sequence of str
         Empty, or the namespace.
 
     Returns
@@ -183,8 +183,8 @@ def stop_at_once(words: Sequence[str]) -> Signalled | None:
     ParameterError
         The environment names no ROS domain.
     """
-    key, separator, namespace = (*words, "namespace:=")[0].partition(":=")
-    if len(words) > 1 or (key, separator) != ("namespace", ":="):
+    key, separator, namespace = (*arguments, "namespace:=")[0].partition(":=")
+    if len(arguments) > 1 or (key, separator) != ("namespace", ":="):
         return None
     bare = namespace.strip("/")
     if bare and not all(part.isascii() and part.isidentifier() for part in bare.split("/")):
@@ -219,7 +219,7 @@ def stop_senders(domain: int, namespace: str) -> int:
     int
         Number of signalled processes; processes of other users cannot be signalled.
     """
-    start = _place(domain, _SENDER)
+    start = _prefix(domain, _SENDER)
     senders = {name for name in _addresses() if name.startswith(start)}
     if namespace:
         senders &= {address(domain, sender(name)) for name in signals(namespace)}
@@ -249,7 +249,7 @@ def sender(topic: str) -> str:
 
 def address(domain: int, role: str) -> bytes:
     """Return the hashed address of a role, as topic names can be longer than addresses."""
-    return _place(domain, role) + _hashed(role).encode()
+    return _prefix(domain, role) + _hashed(role).encode()
 
 
 def holder(address: bytes) -> int:
@@ -279,7 +279,7 @@ def _identity(file: str) -> tuple[int, int]:
     return found.st_ino, found.st_mtime_ns
 
 
-def _place(domain: int, role: str) -> bytes:
+def _prefix(domain: int, role: str) -> bytes:
     """Return the start of the addresses of all roles with the same first word."""
     return f"\0haptic_accel/{domain}/{role.partition(' ')[0]}/".encode()
 
@@ -290,9 +290,9 @@ def _addresses() -> list[bytes]:
     Other programs' names may contain blanks and line ends. The list is therefore split at blanks,
     which no address of this package contains, and not into lines.
     """
-    with open(SOCKETS, "rb") as listed:
-        words = listed.read().split()
-    return [word.replace(b"@", b"\0", 1) for word in words if word.startswith(b"@haptic_accel/")]
+    with open(SOCKETS, "rb") as file:
+        parts = file.read().split()
+    return [part.replace(b"@", b"\0", 1) for part in parts if part.startswith(b"@haptic_accel/")]
 
 
 def used_domains() -> set[int]:

@@ -41,7 +41,7 @@ LAST_LINES = 20
 WAITING_LINES = 1000
 """Maximum number of lines that wait for a blocked terminal; more are dropped."""
 
-LAST_WORDS = 1.0
+OUTPUT_TIME = 1.0
 """Longest time that the end of a graph waits for lines to be shown, s."""
 
 KILL = 9
@@ -149,7 +149,7 @@ class Lines:
         with self._news:
             self._ended = True
             self._news.notify()
-        self._thread.join(LAST_WORDS)
+        self._thread.join(OUTPUT_TIME)
 
     def _show(self) -> None:
         while lines := self._drain():
@@ -399,5 +399,5 @@ class BackgroundGraph:
 
 def command(process: Process, folder: Path) -> list[str]:
     """Return the command line that runs a process of the graph with parameters from a folder."""
-    words = module_command(node_module(process.executable))
-    return [*words, *process.ros_arguments(folder), "-r", f"__ns:={process.namespace or '/'}"]
+    module = module_command(node_module(process.executable))
+    return [*module, *process.ros_arguments(folder), "-r", f"__ns:={process.namespace or '/'}"]

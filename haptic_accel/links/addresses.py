@@ -101,9 +101,9 @@ def route(peer: str, side: str, transport: str, namespace: str) -> Route:
     OSError
         The host does not exist or is unreachable; the message is one line.
     """
-    host, given = host_and_port(peer)
+    host, port = host_and_port(peer)
     each = PORTS_EACH[transport]
-    first = given or FIRST_PORTS[transport] + each * _slot(namespace)
+    first = port or FIRST_PORTS[transport] + each * _slot(namespace)
     ports = (first, first + each - 1)
     own, other = ports if side == "master" else ports[::-1]
     return Route(host, *_addresses(host, other, sort=transport == "udp"), own, other)
@@ -204,8 +204,8 @@ def check_peer(peer: str, transport: str, keys: str, *, insecure: bool) -> None:
     """
     host, _ = host_and_port(peer)
     if insecure and (keys or transport != UDP):
-        given = f"keys:={keys}" if keys else f"transport:={transport}"
-        raise ParameterError(f"insecure = True: must not come with {given}")
+        conflict = f"keys:={keys}" if keys else f"transport:={transport}"
+        raise ParameterError(f"insecure = True: must not come with {conflict}")
     if not (keys or insecure or (transport == UDP and is_loopback(host))):
         raise ParameterError(
             f"keys = '': must be the folder of this host's keys, as peer {host} is another host;"

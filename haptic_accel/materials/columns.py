@@ -509,7 +509,7 @@ class _Table:
         first = list(itertools.islice(rows, FIRST_ROWS))
         times = self._times(first)
         indices = [self._chosen(column, times, wording) for column in columns]
-        wanted = [
+        selected = [
             (index, column.quantity, factor_of(self._name, self._titles[index], column.quantity))
             for index, column in zip(indices, columns, strict=True)
         ]
@@ -517,7 +517,7 @@ class _Table:
         values, lines = [array("d") for _ in columns], array("I")
         for line, row in itertools.chain(first, rows):
             self._check(line, row)
-            for (index, quantity, factor), numbers in zip(wanted, values, strict=True):
+            for (index, quantity, factor), numbers in zip(selected, values, strict=True):
                 numbers.append(self._value(line, row, index, quantity, factor))
             for index, numbers in stamps.items():
                 numbers.append(self._number(_field(row, index)))
@@ -528,11 +528,11 @@ class _Table:
         def line_of(sample: int) -> str:
             return f"line {lines[sample]}"
 
-        place = f"{self._name}: column"
+        prefix = f"{self._name}: column"
         for index, numbers in stamps.items():
             title, found = self._titles[index], np.array(numbers)
-            rate = rate_of_times(place, title, found, line_of, rate, wording.rate)
-        self._tell_comments(rate)
+            rate = rate_of_times(prefix, title, found, line_of, rate, wording.rate)
+        self._warn_of_comments(rate)
         return [np.array(each, dtype=np.float64) for each in values], rate
 
     def _times(self, first: Sequence[tuple[int, Sequence[str]]]) -> list[int]:
@@ -590,7 +590,7 @@ class _Table:
             self._decimal = self._decimal or sign
         return _plain(text) if not sign or sign == self._decimal else math.nan
 
-    def _tell_comments(self, rate: float) -> None:
+    def _warn_of_comments(self, rate: float) -> None:
         """Log comments, especially a comment with another rate."""
         if not self._comments:
             return

@@ -42,7 +42,7 @@ def is_recording(surface: str) -> bool:
     return Path(surface).suffix not in ("", ".yaml")
 
 
-def preset_file(kind: str, name: str, beside: Path = Path()) -> Path:
+def preset_file(kind: str, name: str, folder: Path = Path()) -> Path:
     """Return a file of the package by name, or a file of the user.
 
     Parameters
@@ -52,7 +52,7 @@ def preset_file(kind: str, name: str, beside: Path = Path()) -> Path:
     name : str
         Name of a file in ``config/<kind>s``, or a path ending in ``.yaml`` or ``.npz``; for a
         surface also the path of a recording.
-    beside : Path
+    folder : Path
         Folder for relative paths; default: current folder.
 
     Raises
@@ -63,7 +63,7 @@ def preset_file(kind: str, name: str, beside: Path = Path()) -> Path:
     known = {path.stem: path for path in sorted((config_folder() / f"{kind}s").glob("*.yaml"))}
     if name in known:
         return known[name]
-    path = beside / name
+    path = folder / name
     played = kind == "surface" and is_recording(name)
     if (played or path.suffix in (".yaml", ".npz")) and os.path.isfile(path):
         return path.absolute()

@@ -115,18 +115,18 @@ def _solids(path: Path, mesh: Any) -> list[Any]:
     solids = sorted((each for each in bodies if each.volume > 0), key=lambda each: each.volume)
     parts = [[solid] for solid in solids]
     for hollow in (each for each in bodies if each.volume <= 0):
-        around = [
+        outer = [
             number
             for number, solid in enumerate(solids)
             if _within(hollow.bounds, solid.bounds) and solid.contains(hollow.vertices).all()
         ]
-        if not around:
+        if not outer:
             where = ", ".join(f"{value:.3g}" for value in hollow.centroid)
             raise ParameterError(
                 f"{path}: the faces of a body around ({where}) m are inwards, but it is no hollow"
                 " in another: must face outwards; turn them in the program that wrote it"
             )
-        parts[around[0]].append(hollow)
+        parts[outer[0]].append(hollow)
     return [trimesh.util.concatenate(part) if len(part) > 1 else part[0] for part in parts]
 
 

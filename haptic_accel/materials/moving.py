@@ -165,14 +165,14 @@ class MovingTool:
                     forces[other] = forces.get(other, 0.0) + np.array(found.force) / self._steps
         self._note()
         self.acceleration = vector((np.array(self.velocity) - approaching) * self._rate)
-        begun, self._touched = set(contacts) - self._touched, set(contacts)
+        new, self._touched = set(contacts) - self._touched, set(contacts)
         if not contacts:
             return None
-        number = max(contacts, key=lambda each: (each in begun, contacts[each].normal_force))
+        number = max(contacts, key=lambda each: (each in new, contacts[each].normal_force))
         return contacts[number]._replace(
             force=vector(sum(forces.values(), np.zeros(3))),
             normal_force=float(forces[number] @ contacts[number].normal),
-            impact_speed=contacts[number].impact_speed if number in begun else 0.0,
+            impact_speed=contacts[number].impact_speed if number in new else 0.0,
         )
 
     def _note(self) -> None:

@@ -182,9 +182,9 @@ def _relative(samples: npt.NDArray[Any]) -> FloatArray:
     relative = samples.astype(np.float64)
     if samples.dtype.kind == "f":
         return relative
-    half = 2.0 ** (8 * samples.dtype.itemsize - 1)
+    scale = 2.0 ** (8 * samples.dtype.itemsize - 1)
     # WAV files store samples of up to 8 bits as offset binary.
-    return (relative - half * (samples.dtype.kind == "u")) / half
+    return (relative - scale * (samples.dtype.kind == "u")) / scale
 
 
 def _not_wav(name: str, reason: str) -> ParameterError:
@@ -441,10 +441,10 @@ LEAST_SAMPLES = 10
 """Minimum number of samples at an extreme of a saturated signal."""
 
 PILED = 4
-"""Minimum ratio of the number of samples at an extreme to the number at each of the `BESIDE`
+"""Minimum ratio of the number of samples at an extreme to the number at each of the `NEIGHBOURS`
 nearest values; a sinusoid in steps of a converter has 2.4."""
 
-BESIDE = 5
+NEIGHBOURS = 5
 
 DIGITS = 9
 """Decimal places, relative to full range, to which equal values agree: far finer than any
@@ -504,9 +504,9 @@ def _piled(samples: FloatArray) -> Iterator[tuple[float, int]]:
     """Yield the extremes that are much more frequent than the neighbouring values."""
     scale = float(np.ptp(samples)) or 1.0
     values, counts = np.unique(np.round(samples / scale, DIGITS), return_counts=True)
-    for at, beside in ((0, counts[1 : BESIDE + 1]), (-1, counts[-BESIDE - 1 : -1])):
-        most = max([LEAST_SAMPLES, *PILED * beside])
-        if len(beside) and values[at] and counts[at] >= most:
+    for at, nearby in ((0, counts[1 : NEIGHBOURS + 1]), (-1, counts[-NEIGHBOURS - 1 : -1])):
+        most = max([LEAST_SAMPLES, *PILED * nearby])
+        if len(nearby) and values[at] and counts[at] >= most:
             yield float(values[at]) * scale, int(counts[at])
 
 

@@ -114,9 +114,9 @@ def _baked(path: Path, sampling: Sampling) -> dict[str, Any]:
         raise parameters.ParameterError(MISSING_LIBRARY)
     with TemporaryDirectory(prefix="haptic_accel-") as folder:
         result = Path(folder) / "grid.npz"
-        words = [path.absolute(), result, sampling.spacing, sampling.scale]
+        arguments = [path.absolute(), result, sampling.spacing, sampling.scale]
         try:
-            run_bounded(mesh_baking.__name__, list(map(str, words)), mesh_baking.SECONDS)
+            run_bounded(mesh_baking.__name__, list(map(str, arguments)), mesh_baking.SECONDS)
         except OutOfBoundsError as error:
             raise parameters.ParameterError(
                 f"{path}: {error}; the limits for its grid are {mesh_baking.SECONDS:g} s"
@@ -125,7 +125,7 @@ def _baked(path: Path, sampling: Sampling) -> dict[str, Any]:
         return dict(read_arrays(result))
 
 
-PLACE = parameters.Specification("position in the arm's base frame", "m", -10.0, 10.0)
+POSITION = parameters.Specification("position in the arm's base frame", "m", -10.0, 10.0)
 ANGLE = parameters.Specification("roll, pitch and yaw", "rad", -2 * math.pi, 2 * math.pi)
 
 FILES: Mapping[str, Any] = {"heights": read_heights, "mesh": read_mesh}
@@ -164,7 +164,7 @@ def read_scene(path: Path) -> Scene:
     objects = [_object(name, each, materials) for name, each in file.get("objects", {}).members()]
     if not objects:
         file.refuse("objects: must be one at least", "objects")
-    return Scene(tuple(objects), file.get("start").vector(PLACE), path.stem)
+    return Scene(tuple(objects), file.get("start").vector(POSITION), path.stem)
 
 
 def is_scene(name: str) -> bool:
@@ -184,7 +184,7 @@ def _moving(file: Document, materials: Mapping[str, Material]) -> Scene:
         section.check_keys("material")
         named[geom] = section.get("material").choice(materials)
     path = file.path.parent / file.at("mujoco").text()
-    start = file.get("start").vector(PLACE)
+    start = file.get("start").vector(POSITION)
     with file.located("mujoco"):
         return moving_scene(path, named, start, file.path.stem)
 
@@ -212,11 +212,11 @@ def _model(path: Path, _modified: int) -> TextureModel:
 
 def _tap(section: Document) -> TapModel | None:
     """Return a tap from a list of modes, or from recordings at a path relative to the scene."""
-    given = section.get("tap")
-    if given.value is None:
+    tap = section.get("tap")
+    if tap.value is None:
         return None
-    recorded = section.path.parent / given.value if isinstance(given.value, str) else None
-    modes = () if recorded else _modes(given)
+    recorded = section.path.parent / tap.value if isinstance(tap.value, str) else None
+    modes = () if recorded else _modes(tap)
     with section.located("tap"):
         return read_taps(recorded) if recorded else TapModel(modes)
 
@@ -240,10 +240,10 @@ def read_taps(path: Path) -> TapModel:
         return TapModel(speeds=speeds, samples=samples, rate=rate, provenance=about)
 
 
-def _modes(listed: Document) -> tuple[Mode, ...]:
-    for each in listed.items():
+def _modes(modes: Document) -> tuple[Mode, ...]:
+    for each in modes.items():
         each.check_keys(*parameters.own_schema(Mode))
-    return tuple(each.build(Mode) for each in listed.items())
+    return tuple(each.build(Mode) for each in modes.items())
 
 
 def _object(name: str, section: Document, materials: Mapping[str, Material]) -> SceneObject:
@@ -261,7 +261,7 @@ def _object(name: str, section: Document, materials: Mapping[str, Material]) -> 
         name,
         _sampled(section, kind) if from_file else section.build(kind),
         section.get("material").choice(materials),
-        section.get("position").vector(PLACE),
+        section.get("position").vector(POSITION),
         section.get("rotation").vector(ANGLE),
     )
 

@@ -227,13 +227,13 @@ def _model(file: Document) -> TextureModel:
             unit.wrong(f"must be {UNITS[name]}")
     provenance.check_keys(*(each.name for each in fields(Provenance)))
     friction = file.get("coulomb_friction")
-    given: dict[str, Any] = {
+    values: dict[str, Any] = {
         "name": file.at("name").text(),
         "rate": file.at("rate").number(),
         "coulomb_friction": None if friction.value is None else friction.number(),
         "provenance": Provenance(**{name: each.text() for name, each in provenance.members()}),
     }
     arrays = [name for name in ARRAYS if name in file or name not in OPTIONAL]
-    given |= {name: file.at(name).array() for name in arrays}
+    values |= {name: file.at(name).array() for name in arrays}
     with file.located():
-        return TextureModel(**given)
+        return TextureModel(**values)

@@ -26,7 +26,7 @@ from haptic_accel.core.reduction import NO_REDUCTION
 from haptic_accel.core.tick import ArmSample, CompensatedSample, CompensationPart
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import run
-from haptic_accel.nodes.timing import CATCH_UP, FELT_PRIORITY, ArrivalKeeper
+from haptic_accel.nodes.timing import CATCH_UP, COIL_PRIORITY, ArrivalKeeper
 
 FROZEN = "adaptive.frozen"
 """Parameter that stops the adaptation."""
@@ -58,8 +58,8 @@ class Compensator(GraphNode):
         self._compensation = Compensation(
             p, p.rate, self.options, tuple(CONTROLLERS), latency=p.latency, clock=time.monotonic
         )
-        if doubt := self.options[PLANT].doubt:
-            self.get_logger().warning(f"plant: {doubt}; then run identify again")
+        if warning := self.options[PLANT].doubt:
+            self.get_logger().warning(f"plant: {warning}; then run identify again")
         longest = round(CATCH_UP * p.rate)
         self.part = CompensationPart(self._compensation, p.rate, p.latency, longest)
         self._handles = self.samples(topics.HANDLE_ACCELERATION, p.rate)
@@ -92,9 +92,9 @@ class Compensator(GraphNode):
             self._follow_orientation()
         return self._arrivals.polled(found=came and not self.part.waiting)
 
-    def publish(self, felt: Iterable[CompensatedSample], offset: int) -> None:
+    def publish(self, samples: Iterable[CompensatedSample], offset: int) -> None:
         """Publish forces; system time is their stamps plus an offset in ns."""
-        for each in felt:
+        for each in samples:
             self._send_force(each.stamp + offset, each.actuator_force)
             self._send_desired(each.stamp + offset, each.desired_acceleration)
 
@@ -162,7 +162,7 @@ class Compensator(GraphNode):
 
 def main() -> None:
     """Run the node."""
-    run("compensator", Compensator, priority=FELT_PRIORITY)
+    run("compensator", Compensator, priority=COIL_PRIORITY)
 
 
 if __name__ == "__main__":

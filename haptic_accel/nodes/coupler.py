@@ -206,7 +206,7 @@ class CouplingNode(GraphNode):
 
     def repeat_states(self) -> None:
         """Publish the state of the emergency stop."""
-        self._stop.tell()
+        self._stop.report_state()
 
     def work(self) -> float:
         """Engage or release, and process the samples that arrived."""
@@ -335,10 +335,10 @@ class Coupler(CouplingNode):
             "positions held": str(self.part.pairing.held),
             "positions refused": str(self.engagement.refused),
         }
-        for arm, half in zip(ARMS, self._passive.halves, strict=True) if self._passive else ():
+        for arm, side in zip(ARMS, self._passive.halves, strict=True) if self._passive else ():
             values |= {
-                f"{arm} energy (mJ)": f"{half.energy * 1e3:.3f}",
-                f"{arm} limited (%)": f"{half.limited * 100:.1f}",
+                f"{arm} energy (mJ)": f"{side.energy * 1e3:.3f}",
+                f"{arm} limited (%)": f"{side.limited * 100:.1f}",
             }
         return self.missing(), values
 
@@ -360,9 +360,9 @@ class Coupler(CouplingNode):
     def publish(self, tools: list[ArmSample], commands: list[CoupledForces], offset: int) -> None:
         """Publish forces; the slave device publishes the tool's samples."""
         on_master, on_slave = self.forces.values()
-        for caused in commands:
-            on_master.send(caused.m_stamp + offset, (caused.m_x, caused.m_y, caused.m_z))
-            on_slave.send(caused.s_stamp + offset, (caused.s_x, caused.s_y, caused.s_z))
+        for command in commands:
+            on_master.send(command.m_stamp + offset, (command.m_x, command.m_y, command.m_z))
+            on_slave.send(command.s_stamp + offset, (command.s_x, command.s_y, command.s_z))
 
     def prepare(self) -> None:
         """Begin the transition to new gains; a damper waits for velocities."""

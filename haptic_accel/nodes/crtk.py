@@ -176,13 +176,13 @@ class Queries:
                 ("setpoint_cp", arm.position.type),
             )
         )
-        self._joints_asked = self.asked = False
+        self._joints_subscribed = self.is_subscribed = False
 
     def poll(self) -> None:
         """Check for subscribers."""
-        self._joints_asked = self._joints.get_subscription_count() > 0
+        self._joints_subscribed = self._joints.get_subscription_count() > 0
         others = self._force, self._set_force, self._set_point
-        self.asked = self._joints_asked or any(sender.listeners for sender in others)
+        self.is_subscribed = self._joints_subscribed or any(sender.listeners for sender in others)
 
     def publish(
         self,
@@ -213,7 +213,7 @@ class Queries:
         else:
             self._set_force.send(INVALID, force)
             self._set_point.send(stamp, set_point)
-        if self._joints_asked:
+        if self._joints_subscribed:
             self._publish_joints(stamp, joints(sample, force))
 
     def _publish_joints(self, stamp: int, joints: Joints) -> None:
@@ -327,7 +327,7 @@ class OperatingState:
         self._node, self._safety, self._fault, self._rearm = node, safety, fault, rearm
         self._pausing = False
         self._known_fault = ""
-        self._told: tuple[Any, ...] = ()
+        self._published: tuple[Any, ...] = ()
         states = topic("is_homed"), topic("is_busy")
         self._homed, self._busy = (node.publisher(each).publish for each in states)
         self._state = None
@@ -354,9 +354,9 @@ class OperatingState:
         homed = self._node.state in (INACTIVE, ACTIVE)
         starting = self._node.state == ACTIVE and not self._safety.active
         current = self.state, homed, busy or starting
-        if current == self._told and not again:
+        if current == self._published and not again:
             return
-        self._told = current
+        self._published = current
         state, homed, busy = current
         self._homed(Bool(data=homed))
         self._busy(Bool(data=busy))

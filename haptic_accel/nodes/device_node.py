@@ -94,13 +94,13 @@ class DeviceNode(crtk.Managed, GraphNode):
         self.offset = 0
         self._used = self._starting = self._settled = False
         self._failure: Exception | None = None
-        self._crossed = 0
+        self._dropped = 0
         self._reported_unread = self._reported_contested = self._reported_unlocated = 0
         self._reported_deadlines = 0, 0, 0, 0
         signals = arm.acceleration, arm.position, arm.velocity  # most urgent first
         self._acceleration, self._position, self._velocity = map(self.sender, signals)
         self._work_sender = self.sender(arm.work)
-        self._work_asked = False
+        self._work_subscribed = False
         self._contact_sender = self.sender(arm.contact_force) if arm.contact_force else None
         self._joint_states = crtk.JointStates(self, arm.position, p.rate)
         self._inboxes = {ARM: self.inbox(arm.arm_force)}
@@ -219,7 +219,7 @@ class DeviceNode(crtk.Managed, GraphNode):
         """Publish the states of device and arm."""
         self._operating.report(again=True)
         if self._settled:
-            self._stop.tell()
+            self._stop.report_state()
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return timing, ages of commands, and values of safety layer and device."""
@@ -248,13 +248,13 @@ class DeviceNode(crtk.Managed, GraphNode):
         stall = self.rate_keeper.pop_longest_gap(self.arm)
         unread, contested = self.side.unread, self._contested
         new, self._reported_unread = unread - self._reported_unread, unread
-        crossed, self._reported_contested = contested - self._reported_contested, contested
+        dropped, self._reported_contested = contested - self._reported_contested, contested
         warnings = [
             *self.safety.warnings(),
             self.device.problem,
             "no sample" if new else "",
             self._unlocated(),
-            "commands of several senders" if crossed else "",
+            "commands of several senders" if dropped else "",
             self._missed_deadlines(),
             f"stalled for {stall * 1e3:.0f} ms" if stall >= STALL else "",
         ]
@@ -295,8 +295,8 @@ class DeviceNode(crtk.Managed, GraphNode):
             f" a tick takes {1e6 * keeper.work.quantile(0.5):.0f} us of {1e6 / rate:.0f} us;"
             f" {better or 'no other rate'} would hold"
         )
-        if not keeper.told:
-            keeper.told = True
+        if not keeper.is_warned:
+            keeper.is_warned = True
             self.get_logger().warning(f"{line}; run doctor")
         return line
 
@@ -354,12 +354,12 @@ class DeviceNode(crtk.Managed, GraphNode):
         self._acceleration.send(stamp, sample.acceleration)
         self._position.send(stamp, sample.position, sample.orientation)
         self._velocity.send(stamp, sample.velocity)
-        if self._work_asked:
+        if self._work_subscribed:
             self._work_sender.send(stamp, sample.work)
         if self._contact_sender and self.side.wants_contact and sample.contact is not None:
             self._contact_sender.send(stamp, sample.contact)
         self._joint_states.add(stamp, sample.position)
-        if self._queries.asked:
+        if self._queries.is_subscribed:
             arm = self.safety.arm_limit
             self._queries.publish(
                 stamp,
@@ -376,12 +376,12 @@ class DeviceNode(crtk.Managed, GraphNode):
 
     def _receive(self) -> None:
         """Process the commands of other processes."""
-        forces = {kind: self._taken(kind) for kind in self._inboxes}
+        forces = {kind: self._received(kind) for kind in self._inboxes}
         newest = self.side.newest
         if self._motions.expected and newest:
             goals = self._motions.positions.drain_sole(unpack_stamped_vector)
             if self._may_cross():
-                self._crossed += len(goals) + len(forces[ARM])
+                self._dropped += len(goals) + len(forces[ARM])
                 goals, forces[ARM] = [], []
                 self._note_rivals(ARM)
             if self._motions.receive(newest.position, goals):
@@ -389,27 +389,27 @@ class DeviceNode(crtk.Managed, GraphNode):
         if self._points:
             for _, position in self._points.drain_vectors():
                 self.device.point(position)
-        for kind, taken in forces.items():
-            for stamp, force in taken:
+        for kind, commands in forces.items():
+            for stamp, force in commands:
                 self.side.command(kind, (stamp or self._unstamped(kind)) - self.offset, *force)
 
-    def _taken(self, kind: str) -> list[tuple[int, Vector]]:
+    def _received(self, kind: str) -> list[tuple[int, Vector]]:
         """Return received forces of a kind with their stamps, system time in ns."""
         inbox = self._inboxes[kind]
         if inbox.fed:
             return []
-        taken = inbox.drain_sole(unpack_stamped_vector)
+        commands = inbox.drain_sole(unpack_stamped_vector)
         if not inbox.sole:
             self.side.forces[kind].clear()
         if inbox.changed:
             self._note_rivals(kind)
-        return taken
+        return commands
 
     @property
     def _contested(self) -> int:
         """Number of commands dropped because several publishers may have sent them."""
         inboxes = *self._inboxes.values(), self._motions.positions
-        return self._crossed + sum(each.contested for each in inboxes)
+        return self._dropped + sum(each.contested for each in inboxes)
 
     def _may_cross(self) -> bool:
         """Return whether forces and positions of the arm may come from two nodes.
@@ -449,7 +449,7 @@ class DeviceNode(crtk.Managed, GraphNode):
                 self.side.take_off()
             except (DeviceError, OSError) as error:
                 self.fail(error)
-        self._stop.tell()
+        self._stop.report_state()
         if not known:
             self.safety.stop(steady_now(), True)
             self.get_logger().warning(f"{STOPPED}: no force until it is released")
@@ -488,9 +488,9 @@ class DeviceNode(crtk.Managed, GraphNode):
     def _log_news(self) -> None:
         """Log new events of the safety layer; check for stops, command senders and subscribers."""
         polls = self._stop.poll_pending, self._motions.poll, self._queries.poll
-        for look in (*polls, self._operating.report):
-            look()
-        self._work_asked = self._work_sender.listeners > 0
+        for poll in (*polls, self._operating.report):
+            poll()
+        self._work_subscribed = self._work_sender.listeners > 0
         self.side.wants_contact = bool(self._contact_sender and self._contact_sender.listeners)
         for kind in self._inboxes:
             self._note_rivals(kind)

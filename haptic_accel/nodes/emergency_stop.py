@@ -73,7 +73,7 @@ class NodeStop:
         self._requests = node.requests(SetBool, service)
         self._followed = False
 
-    def tell(self) -> None:
+    def report_state(self) -> None:
         """Publish whether the node is stopped; call it at least once a second."""
         self._publish(Bool(data=self._stop.stopped))
 
@@ -212,10 +212,10 @@ class CouplerStop(NodeStop):
         return super().follow()
 
     def _obey(self) -> None:
-        self.tell()
+        self.report_state()
 
     def _release(self, answer: Answer, now: float) -> None:
-        self.tell()  # first: devices refuse a release while the coupler is stopped
+        self.report_state()  # first: devices refuse a release while the coupler is stopped
         devices = self._services.ask(SetBool, DEVICE_SERVICES, SetBool.Request(data=False))
         self._releases.append(_Release(answer, devices, now + ANSWER_TIME))
 
@@ -230,7 +230,7 @@ class CouplerStop(NodeStop):
             return False
         if refused:
             self._stop.follow()  # not a new stop: a released peer stays released
-        devices = release.devices.asked
+        devices = release.devices.futures
         released = f"{' and '.join(devices)} take forces again" if devices else "no device"
         message = "; ".join(refused) or f"released: {released}"
         release.answer(SetBool.Response(success=not refused, message=message))
@@ -239,8 +239,8 @@ class CouplerStop(NodeStop):
 
 def release_command(namespace: str) -> str:
     """Return the command that releases the graph of a namespace."""
-    words = f" namespace:={namespace.strip('/')}" if namespace.strip("/") else ""
-    return f"haptic-accel estop release:=true{words}"
+    argument = f" namespace:={namespace.strip('/')}" if namespace.strip("/") else ""
+    return f"haptic-accel estop release:=true{argument}"
 
 
 async def stop_devices(client: ServiceClient, timeout: float) -> tuple[str, set[str]]:
@@ -261,7 +261,7 @@ async def stop_devices(client: ServiceClient, timeout: float) -> tuple[str, set[
     node = client.node
     node.create_publisher(Bool, EMERGENCY_STOP.name, LATCHED).publish(Bool(data=True))
     answers: dict[str, bool] = {}
-    asked: set[str] = set()
+    found: set[str] = set()
     searched = time.monotonic() + SEARCH_TIME
 
     def take(device: str, message: Bool) -> None:
@@ -270,19 +270,19 @@ async def stop_devices(client: ServiceClient, timeout: float) -> tuple[str, set[
     def is_confirmed() -> bool:
         # Repeated, because a coupler that was found may reveal an arm on a peer host.
         devices = dict(_devices(node))
-        asked.clear()
-        asked.update(devices)
+        found.clear()
+        found.update(devices)
         for device, name in devices.items():
             if device not in answers:
                 answers[device] = False
                 node.create_subscription(Bool, name, partial(take, device), LATCHED)
-        return bool(asked) and all(map(answers.get, asked)) and time.monotonic() >= searched
+        return bool(found) and all(map(answers.get, found)) and time.monotonic() >= searched
 
     await client.until(is_confirmed, timeout)
-    confirmed = {device for device in asked if answers[device]}
+    confirmed = {device for device in found if answers[device]}
     count = {1: "the device is", 2: "both devices are"}
     line = count.get(len(confirmed), f"all {len(confirmed)} devices are") + " without force"
-    return line, (asked or set(DEVICES)) - confirmed
+    return line, (found or set(DEVICES)) - confirmed
 
 
 def _devices(node: Node) -> Iterator[tuple[str, str]]:

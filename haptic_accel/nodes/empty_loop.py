@@ -45,10 +45,10 @@ def empty_loop(rate: float, seconds: float) -> dict[str, Any]:
     RuntimeError
         The process did not start or end.
     """
-    words = [*module_command(__name__), str(rate), str(seconds)]
+    command = [*module_command(__name__), str(rate), str(seconds)]
     try:
         done = subprocess.run(
-            words, capture_output=True, text=True, timeout=seconds + STARTING_TIME, check=True
+            command, capture_output=True, text=True, timeout=seconds + STARTING_TIME, check=True
         )
     except (subprocess.SubprocessError, OSError) as error:
         raise RuntimeError(f"empty loop: {error}") from None

@@ -103,12 +103,12 @@ class DeclaredParameters:
         note: Callable[[str, Exception], str],
     ) -> None:
         self._node, self._apply, self._note = node, change, note
-        given = self._given()
-        self.own, self.options = node_parameters(executable, given)
+        values = self._overrides()
+        self.own, self.options = node_parameters(executable, values)
         self.schema = declared_schema(executable, self.own)
         self._others = node_schema(executable).keys() - self.schema
         self._changeable = changeable(self.own)
-        self._declare(given)
+        self._declare(values)
         node.add_on_set_parameters_callback(self._change)
 
     @property
@@ -192,30 +192,30 @@ class DeclaredParameters:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _given(self) -> dict[str, Any]:
+    def _overrides(self) -> dict[str, Any]:
         """Return the values of the command line and of files, and undeclare them."""
         check_clock(self._node.get_parameter(USE_SIM_TIME).value)
         for path in _parameter_files():
             check_reached(path, self._node.get_fully_qualified_name())
-        given = {
+        values = {
             name: parameter.value
             for name, parameter in self._node.get_parameters_by_prefix("").items()
             if name not in _OF_EVERY_NODE
         }
-        for name in given:
+        for name in values:
             self._node.undeclare_parameter(name)
             # A file may set parameters in all nodes (/**) that only some nodes have.
             if not any(name in {*node_schema(each), *FORMER.get(each, ())} for each in NODES):
                 raise ParameterError(f"{name}: no such parameter")
-        return present_values(given, given.get("rate"), self._node.get_logger().warning)
+        return present_values(values, values.get("rate"), self._node.get_logger().warning)
 
-    def _declare(self, given: dict[str, Any]) -> None:
+    def _declare(self, values: dict[str, Any]) -> None:
         """Declare all parameters with their descriptors and checked values.
 
         All are read-only except those that can be changed while the node runs.
         """
         for name, (default, specification) in self.schema.items():
-            value = checked(name, given.get(name, default), default, specification)
+            value = checked(name, values.get(name, default), default, specification)
             descriptor = _descriptor(default, specification)
             descriptor.read_only = name not in self._changeable
             # ROS would take the override's own type: an integer such as 300 is no double.
@@ -224,12 +224,12 @@ class DeclaredParameters:
 
 def _parameter_files() -> Iterator[Path]:
     """Yield the parameter files of the command line, which ROS has read."""
-    words, for_ros = iter(sys.argv[1:]), False
-    for word in words:
-        if word in ("--ros-args", "--"):
-            for_ros = word == "--ros-args"
-        elif for_ros and word == "--params-file":
-            yield Path(next(words))
+    texts, for_ros = iter(sys.argv[1:]), False
+    for text in texts:
+        if text in ("--ros-args", "--"):
+            for_ros = text == "--ros-args"
+        elif for_ros and text == "--params-file":
+            yield Path(next(texts))
 
 
 def _parameter(message: ParameterMessage) -> Parameter:
@@ -325,7 +325,7 @@ class GraphNode(SupervisedNode):
         self._sole: dict[str, signals.Inbox | signals.Publishers] = {}
         self._rivals: dict[str, str] = {}
         self.contested_in_loop = 0
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
         self._refused_before: Counter[str] = Counter()
         # Check the values of command line and files before declaration: ROS would ignore a wrong
         # name, and report a wrong value less clearly.
@@ -401,7 +401,7 @@ class GraphNode(SupervisedNode):
     def watch_senders(self, topic: Topic, inbox: signals.Inbox | signals.Publishers) -> None:
         """Warn while a topic whose samples are used has several publishers."""
         if not self._sole:
-            self.create_timer(signals.RIVALS_PERIOD, self._look_for_rivals)
+            self.create_timer(signals.RIVALS_PERIOD, self._check_rivals)
         self._sole[topic.name] = inbox
 
     def rivals(self, *inboxes: signals.Inbox | signals.Publishers) -> str:
@@ -491,8 +491,8 @@ class GraphNode(SupervisedNode):
         refused = self._refusals()
         new = refused - self._refused_before
         self._refused_before = refused
-        counted = (f"{key}: {n}" for key, n in new.items())
-        warning = ", ".join(filter(None, (warning, *contested, *counted)))
+        changes = (f"{key}: {n}" for key, n in new.items())
+        warning = ", ".join(filter(None, (warning, *contested, *changes)))
         counts = {key: str(count) for key, count in refused.items()}
         values = {"scheduling": scheduling_class(), "tick": TICK, **counts, **values}
         name = self.get_fully_qualified_name()
@@ -519,15 +519,15 @@ class GraphNode(SupervisedNode):
             counts["samples of several senders"] = contested
         return counts
 
-    def _look_for_rivals(self) -> None:
+    def _check_rivals(self) -> None:
         """Log once when a signal gets several publishers, and once when it is back to one."""
         for name, inbox in self._sole.items():
             found = self.rivals(inbox)
             # The names of publishers are discovered shortly after their number.
             settled = found == self._rivals.get(name, "")
             self._rivals[name] = found
-            if settled and bool(found) != (name in self._told):
-                self._told ^= {name}
+            if settled and bool(found) != (name in self._warned):
+                self._warned ^= {name}
                 line = f"{REFUSED} {found}" if found else "taken again: it has one sender"
                 self.get_logger().warning(f"{name}: {line}")
 

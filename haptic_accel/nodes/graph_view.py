@@ -55,20 +55,20 @@ class ScopeScene:
     Parameters
     ----------
     node : GraphNode
-    places : dict
+    vectors : dict
         Filled with the latest vectors while a page shows them.
     master : callable
         Returns the known parameters of the master's node.
     """
 
     def __init__(
-        self, node: GraphNode, places: dict[str, Vector], master: Callable[[], Mapping[str, Any]]
+        self, node: GraphNode, vectors: dict[str, Vector], master: Callable[[], Mapping[str, Any]]
     ) -> None:
-        self._node, self._places, self._master = node, places, master
+        self._node, self._vectors, self._master = node, vectors, master
         self._inboxes: dict[str, Inbox] = {}
         self._sender: Sender | None = None
         self._refusal = ""
-        self._looking = node.create_timer(1 / FRAME_RATE, self._look, autostart=False)
+        self._looking = node.create_timer(1 / FRAME_RATE, self._poll, autostart=False)
 
     def show(self, shown: bool) -> None:
         """Receive the positions of tool and handle only while a page shows them."""
@@ -83,7 +83,7 @@ class ScopeScene:
             for inbox in self._inboxes.values():
                 inbox.leave()
             self._inboxes = {}
-            self._places.clear()
+            self._vectors.clear()
 
     def update(self) -> None:
         """Create the sender of the hand's set-points if the master follows them."""
@@ -108,10 +108,10 @@ class ScopeScene:
         """True if a page can lead the hand."""
         return self._sender is not None and self._master().get("device") == POINTER
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         for name, inbox in self._inboxes.items():
             for _, vector in inbox.drain_vectors():
-                self._places[name] = vector
+                self._vectors[name] = vector
 
 
 LONGEST_TEXT = 1000
@@ -121,7 +121,7 @@ ANSWERING_TIME = 3.0
 """Time-out for a node's answer, s. A request may go to a killed node: its service stays
 discoverable for up to 20 s, even while a new node of the same name exists."""
 
-Given = Iterable[tuple[str, ParameterValue]]
+Reported = Iterable[tuple[str, ParameterValue]]
 
 
 class RemoteParameters:
@@ -136,7 +136,7 @@ class RemoteParameters:
         Node that follows the parameters.
     name : str
         Name of the other node, in the same namespace, and of its executable.
-    asked : tuple of str
+    names : tuple of str
         Names of the followed parameters.
     changed : callable
         Called after any value has changed.
@@ -148,12 +148,12 @@ class RemoteParameters:
         self,
         node: GraphNode,
         name: str,
-        asked: tuple[str, ...],
+        names: tuple[str, ...],
         changed: Callable[[], None],
         refuse: Callable[[str], None],
     ) -> None:
         self._name = name
-        self._asked = asked
+        self._names = names
         self._changed = changed
         self._refuse = refuse
         self._client = node.create_client(GetParameters, f"{name}/get_parameters")
@@ -172,7 +172,7 @@ class RemoteParameters:
                 self.values = {}
         elif self._answer is None or self._is_overdue(self._answer):
             self._found = True
-            self._answer = self._client.call_async(GetParameters.Request(names=list(self._asked)))
+            self._answer = self._client.call_async(GetParameters.Request(names=list(self._names)))
             self._answer.add_done_callback(lambda answer: self._receive_answer(answer.result()))
             self._due = time.monotonic() + ANSWERING_TIME
 
@@ -190,17 +190,17 @@ class RemoteParameters:
 
     def receive(self, event: ParameterEvent) -> None:
         """Read the values that the node publishes at its start and after a change."""
-        given = [(p.name, p.value) for p in (*event.new_parameters, *event.changed_parameters)]
-        known, refused = admitted(self._name, self._asked, given)
+        reported = [(p.name, p.value) for p in (*event.new_parameters, *event.changed_parameters)]
+        known, refused = admitted(self._name, self._names, reported)
         if known or refused:
             self._answer = None
             self._apply(known, refused)
 
     def _receive_answer(self, answer: GetParameters.Response) -> None:
-        given = zip(self._asked, answer.values, strict=False)
-        known, refused = admitted(self._name, self._asked, given)
+        reported = zip(self._names, answer.values, strict=False)
+        known, refused = admitted(self._name, self._names, reported)
         # A node of another version may have values that this version does not know.
-        self._apply({**dict.fromkeys(self._asked), **known}, refused)
+        self._apply({**dict.fromkeys(self._names), **known}, refused)
 
     def _apply(self, known: Mapping[str, Any], refused: list[str]) -> None:
         for reason in refused:
@@ -211,7 +211,7 @@ class RemoteParameters:
 
 
 def admitted(
-    executable: str, asked: Iterable[str], given: Given
+    executable: str, names: Iterable[str], reported: Reported
 ) -> tuple[dict[str, Any], list[str]]:
     """Return requested parameters with valid values, and reasons to refuse the others.
 
@@ -219,9 +219,9 @@ def admitted(
     ----------
     executable : str
         Name of the node's executable.
-    asked : iterable of str
+    names : iterable of str
         Names of the requested parameters.
-    given : iterable of tuple
+    reported : iterable of tuple
         Names and values that the node has reported.
 
     Returns
@@ -232,8 +232,8 @@ def admitted(
     schema = node_schema(executable)
     known: dict[str, Any] = {}
     refused = []
-    for name, message in given:
-        if name not in asked:
+    for name, message in reported:
+        if name not in names:
             continue
         try:
             value = parameter_value_to_python(message)
@@ -253,7 +253,7 @@ def _checked(name: str, value: Any, default: Any, specification: Any) -> Any:
 ASK_PERIOD = 1.0
 """Interval between attempts to get the parameters of nodes that are not known yet, s."""
 
-WANTED = {
+REQUESTED = {
     "compensator": tuple(
         name
         for name in node_schema("compensator")
@@ -266,7 +266,7 @@ WANTED = {
 }
 """Parameters of other nodes that are shown, or needed to show something."""
 
-_Put = Callable[[Windows, int, float, int], None]
+_Store = Callable[[Windows, int, float, int], None]
 """Function that stores a sample with its stamp and reception time, ns."""
 
 
@@ -303,14 +303,14 @@ class GraphView(GraphNode):
         refuse = partial(self.refuse, topics.PARAMETER_EVENTS)
         self._remotes = {
             name: RemoteParameters(self, name, parameter_names, self._update_settings, refuse)
-            for name, parameter_names in WANTED.items()
+            for name, parameter_names in REQUESTED.items()
         }
         master = self._remotes["master_device"]
-        self._scene = ScopeScene(self, self.windows.places, lambda: master.values)
-        self._signals: dict[str, tuple[Topic, _Put]] = {
+        self._scene = ScopeScene(self, self.windows.vectors, lambda: master.values)
+        self._signals: dict[str, tuple[Topic, _Store]] = {
             "desired": (topics.DESIRED_ACCELERATION, _only("desired")),
             "actual": (topics.HANDLE_ACCELERATION, _only("handle")),
-            "force": (topics.ACTUATOR_FORCE, _put_force),
+            "force": (topics.ACTUATOR_FORCE, _store_force),
             "arm_force": (topics.SLAVE_ARM_FORCE, _only("arm_force")),
             "position": (topics.SLAVE_POSITION, _only("position")),
         }
@@ -342,7 +342,7 @@ class GraphView(GraphNode):
 
     @property
     def known_parameters(self) -> dict[str, dict[str, Any]]:
-        """Known parameters of other nodes, by node; see `WANTED`."""
+        """Known parameters of other nodes, by node; see `REQUESTED`."""
         return {name: dict(remote.values) for name, remote in self._remotes.items()}
 
     def forget(self) -> None:
@@ -368,12 +368,12 @@ class GraphView(GraphNode):
         """Read all waiting samples."""
         by_axis = self.windows.by_axis
         for name, inbox in self._received.items():
-            topic, put = self._signals[name]
+            topic, store = self._signals[name]
             for _, received, (stamp, vector) in inbox.drain(unpack_stamped_vector):
                 for axis, windows in by_axis.items():
                     value = vector[NAMES.index(axis)]
                     if abs(value) <= LARGEST_VALUE:  # false for NaN
-                        put(windows, stamp, value, received)
+                        store(windows, stamp, value, received)
                     else:
                         self.refuse(topic, f"{value:g}: must be at most {LARGEST_VALUE:g}")
 
@@ -419,7 +419,7 @@ class GraphView(GraphNode):
         before, self._controller = self._controller, values.get("controller")
         if before not in (None, self._controller):
             for windows in self.windows.by_axis.values():
-                windows.compare_anew()
+                windows.restart_comparison()
         known = {name: value for name, value in values.items() if value is not None}
         settings, axes = GraphSettings(), ACTUATOR_AXES
         with suppress(ParameterError):  # a node of another version
@@ -438,11 +438,11 @@ class GraphView(GraphNode):
             windows.settings = settings
 
 
-def _only(name: str) -> _Put:
+def _only(name: str) -> _Store:
     """Return a callback that stores a sample without its reception time."""
     return lambda windows, stamp, value, received: getattr(windows, name).put(stamp, value)
 
 
-def _put_force(windows: Windows, stamp: int, force: float, received: int) -> None:
+def _store_force(windows: Windows, stamp: int, force: float, received: int) -> None:
     windows.force.put(stamp, force)
     windows.age.put(stamp, (received - stamp) / NANOSECONDS)

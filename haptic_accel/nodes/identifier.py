@@ -69,7 +69,7 @@ class Identifier(GraphNode):
         self._sender = self.sender(topics.ACTUATOR_FORCE)
         self._samples = self.samples(topics.HANDLE_ACCELERATION, p.rate)
         self._stops = self.inbox(topics.MASTER_STOPPED)
-        self.create_timer(CHECK_PERIOD, self._look)
+        self.create_timer(CHECK_PERIOD, self._check_progress)
 
     def work(self) -> float:
         """Answer the received samples."""
@@ -176,7 +176,7 @@ class Identifier(GraphNode):
             if stopped and self._origin is not None:
                 self._fail(f"{STOPPED}: force taken off")
 
-    def _look(self) -> None:
+    def _check_progress(self) -> None:
         """End the run if there is no subscriber, or no acceleration of the handle."""
         now = time.monotonic()
         if self._origin is None:

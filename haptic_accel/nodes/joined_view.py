@@ -75,7 +75,7 @@ class JoinedView:
         RequestError
             A node does not answer, or has another value.
         """
-        requested = [(_node(each), dict(_asked(each))) for each in requests]
+        requested = [(_node(each), dict(_assigned(each))) for each in requests]
         found = self._together(self._client.parameters(node, list(v)) for node, v in requested)
         for (node, values), now in zip(requested, found, strict=True):
             for (name, value), has in zip(values.items(), now, strict=True):
@@ -110,7 +110,7 @@ def _node(request: Request) -> str:
     return request.service.partition("/")[0]
 
 
-def _asked(request: Request) -> Iterator[tuple[str, Any]]:
+def _assigned(request: Request) -> Iterator[tuple[str, Any]]:
     """Yield the parameters that a request sets."""
     if isinstance(request.content, SetParametersAtomically.Request):
         for each in request.content.parameters:
@@ -134,8 +134,8 @@ def joined_view(
     """
     check_middleware(os.environ)
     os.environ.update(middleware_defaults(os.environ))
-    words = ["--ros-args", "-r", f"__node:={name}", "-r", f"__ns:={namespace or '/'}"]
-    rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
+    arguments = ["--ros-args", "-r", f"__node:={name}", "-r", f"__ns:={namespace or '/'}"]
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = GraphView("scope")
         begin(node)

@@ -112,9 +112,9 @@ class LoopRunner:
             side = self._loop.sides[arm]
             complete = side.complete or not side.sampling
             if not complete or tick is None:
-                look = arrivals.polled(found=complete)
+                poll = arrivals.polled(found=complete)
                 if not complete:
-                    wake = min(wake, look)
+                    wake = min(wake, poll)
         return wake
 
     def _serve(self, tick: int) -> None:

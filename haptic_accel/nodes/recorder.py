@@ -35,7 +35,7 @@ from haptic_accel.setup.node_parameters import NODES
 SENDERS_PERIOD = 0.1
 """Interval between checks for new publishers, s."""
 
-FULL_LOOK_PERIOD = 1.0
+LOOKUP_PERIOD = 1.0
 """Interval between look-ups of the publishers' identities while their number is constant, s."""
 
 
@@ -114,18 +114,18 @@ class SignalReceiver:
         self._signals = {name: _Signal(name, topic) for name, topic in signals.items()}
         self._left: list[tuple[int, str, bytes]] = []
         self._counts: list[int] = []
-        self._look_due = 0.0
+        self._lookup_due = 0.0
         for signal in self._signals.values():
             signal.subscribe(node)
         node.create_timer(SENDERS_PERIOD, self.poll)
 
     def drain(self) -> list[tuple[int, str, bytes]]:
         """Return system times in ns, full topic names, and received messages."""
-        taken, self._left = self._left, []
+        new, self._left = self._left, []
         for signal in self._signals.values():
-            taken += self._by_itself(signal)
-        taken += self._in_bundles()
-        return taken
+            new += self._by_itself(signal)
+        new += self._in_bundles()
+        return new
 
     def poll(self) -> None:
         """Update the subscriptions to the signals' own topics for the present publishers."""
@@ -133,9 +133,9 @@ class SignalReceiver:
         names = self._bundles.name, *self._signals
         counts = [self._node.count_publishers(name) for name in names]
         pending = any(signal.inbox and signal.bundled for signal in self._signals.values())
-        if counts == self._counts and not pending and now < self._look_due:
+        if counts == self._counts and not pending and now < self._lookup_due:
             return
-        self._counts, self._look_due = counts, now + FULL_LOOK_PERIOD
+        self._counts, self._lookup_due = counts, now + LOOKUP_PERIOD
         bundling = set(self._senders(names[0]))
         for signal in self._signals.values():
             senders = self._senders(signal.name)
@@ -251,30 +251,30 @@ class Recorder(GraphNode):
         self._reported = ""
         self._settled: set[str] = set()
         self._sources: list[tuple[Inbox, MessageWriter, Callable[[bytes], object]]] = []
-        self._taken = 0.0
+        self._drained = 0.0
         self._in_order: InOrder[tuple[MessageWriter, bytes]] = InOrder(ROUNDS)
         signals = {self.resolve_topic_name(topic.name): topic for topic in topics.SIGNALS}
         self._receiver = SignalReceiver(self, signals)
-        self._puts: dict[str, MessageWriter] = {}
+        self._writers: dict[str, MessageWriter] = {}
         self._descriptions: dict[tuple[str, ...], Callable[[], object]] = {}
-        asked = (topic for topic in topics.ASKED if topic.name in p.named_topics)
-        for topic in (*topics.TOPICS, *asked, topics.PARAMETER_EVENTS, LOGS, *TRANSITIONS):
+        named = (topic for topic in topics.ASKED if topic.name in p.named_topics)
+        for topic in (*topics.TOPICS, *named, topics.PARAMETER_EVENTS, LOGS, *TRANSITIONS):
             self._record_own(topic)
         session = self._session
         for action in (session.start, session.pause, session.split, session.stop):
             self._serve(action.__name__, action)
         self._serve("status", self._describe)
         if p.topics or p.regex:
-            self.create_timer(DISCOVERY_PERIOD, self._look_for_topics)
+            self.create_timer(DISCOVERY_PERIOD, self._discover_topics)
         self.get_logger().info(f"{session.state} to {session.path}")
 
     def work(self) -> float:
         """Read the received messages of the signals."""
         now = time.monotonic()
-        if now >= self._taken + TAKING_PERIOD:
-            self._taken = now
+        if now >= self._drained + TAKING_PERIOD:
+            self._drained = now
             self._drain()
-        return self._taken + TAKING_PERIOD
+        return self._drained + TAKING_PERIOD
 
     def close(self) -> None:
         """Finish the bag and print its summary."""
@@ -301,7 +301,7 @@ class Recorder(GraphNode):
             (free < LITTLE_SPACE, f"{free / 1e6:.0f} MB are left on the disk"),
         )
         # Report only a failure: after it, other warnings would change with every message.
-        warning = files.failure or "; ".join(text for is_given, text in warnings if is_given)
+        warning = files.failure or "; ".join(text for is_present, text in warnings if is_present)
         if warning and warning != self._reported:
             self.get_logger().warning(warning)
         self._reported = warning
@@ -325,61 +325,61 @@ class Recorder(GraphNode):
         self._settled.add(name)
         live = rosbag2.QosLiveliness.AUTOMATIC
         offered = _stored(offered_quality(topic))._replace(liveliness=live)
-        put = self._session.connect(name, topic.type, [offered], sampled=topic in topics.SIGNALS)
+        write = self._session.connect(name, topic.type, [offered], sampled=topic in topics.SIGNALS)
         if topic in SENDERS:
-            put = self._own_only(put, SENDERS[topic])
+            write = self._own_only(write, SENDERS[topic])
         if topic is topics.DESCRIPTION:
-            put = self._kept(put)
+            write = self._kept(write)
         if topic in topics.SIGNALS:
-            self._puts[name] = put
+            self._writers[name] = write
         else:
-            self._sources.append((self.inbox(topic), put, UNPACKED.get(topic.type, bytes)))
+            self._sources.append((self.inbox(topic), write, UNPACKED.get(topic.type, bytes)))
 
-    def _own_only(self, put: MessageWriter, sender: Callable[[bytes], str]) -> MessageWriter:
+    def _own_only(self, write: MessageWriter, sender: Callable[[bytes], str]) -> MessageWriter:
         """Ignore the messages of graphs in other namespaces."""
         own = self.get_namespace().strip("/")
 
-        def put_own(message: bytes, received: int | None = None) -> None:
+        def write_own(message: bytes, received: int | None = None) -> None:
             namespace, _, node = sender(message).rpartition("/")
             below = f"{namespace}/".startswith(f"{own}/" if own else "")
             if namespace == own or (below and node not in NODES):
-                put(message, received)
+                write(message, received)
 
-        return put_own
+        return write_own
 
-    def _kept(self, put: MessageWriter) -> MessageWriter:
+    def _kept(self, write: MessageWriter) -> MessageWriter:
         """Keep the last description of each node for the bags that follow."""
 
-        def put_and_keep(message: bytes, received: int | None = None) -> None:
-            self._descriptions[_described(message)] = partial(put, message)
-            put(message, received)
+        def write_and_keep(message: bytes, received: int | None = None) -> None:
+            self._descriptions[_described(message)] = partial(write, message)
+            write(message, received)
 
-        return put_and_keep
+        return write_and_keep
 
     def _drain(self) -> None:
         """Read the received messages, and write earlier messages in time order."""
-        taken = [
-            (received, (put, data))
-            for inbox, put, unpack in self._sources
+        new = [
+            (received, (write, data))
+            for inbox, write, unpack in self._sources
             for data, received, _ in inbox.drain(unpack)
         ]
-        taken += [(sent, (self._puts[name], data)) for sent, name, data in self._receiver.drain()]
-        for received, (put, data) in self._in_order.round(taken):
-            put(data, received)
+        new += [(sent, (self._writers[name], data)) for sent, name, data in self._receiver.drain()]
+        for received, (write, data) in self._in_order.round(new):
+            write(data, received)
 
     def _drain_all(self) -> None:
         """Write all received messages."""
         self._drain()
-        for received, (put, data) in self._in_order.rest():
-            put(data, received)
+        for received, (write, data) in self._in_order.rest():
+            write(data, received)
 
-    def _subscribe(self, kind: Any, name: str, put: MessageWriter, profile: QoSProfile) -> None:
+    def _subscribe(self, kind: Any, name: str, write: MessageWriter, profile: QoSProfile) -> None:
         # Lost messages are found by their stamps. The middleware's event (message lost) is no
         # help: when only 95 of 5000 messages arrived, Fast DDS reported 5 losses, and with the
         # wheels' events executor, reading the event can hang forever.
-        self.create_subscription(kind, name, lambda data: put(data), profile, raw=True)
+        self.create_subscription(kind, name, lambda data: write(data), profile, raw=True)
 
-    def _look_for_topics(self) -> None:
+    def _discover_topics(self) -> None:
         """Record the topics specified by name or expression that exist by now."""
         named = {self.resolve_topic_name(name) for name in self.parameters.named_topics}
         for name, kinds in self.get_topic_names_and_types():
@@ -405,16 +405,16 @@ class Recorder(GraphNode):
         (kind,) = kinds
         try:
             message = message_type(topics.Topic(name, kind, "", ""))
-            put = self._session.connect(name, kind, [_stored(profile) for profile in offered])
+            write = self._session.connect(name, kind, [_stored(profile) for profile in offered])
         except (ImportError, AttributeError) as error:
             return f"{kind} is not installed: {error}"
         except UndefinedTypeError as error:
             return str(error)
-        self._subscribe(message, name, put, _requested(offered))
+        self._subscribe(message, name, write, _requested(offered))
         self.get_logger().info(f"{name}: recorded too")
         return ""
 
-    def _serve(self, verb: str, action: Callable[[], Answer]) -> None:
+    def _serve(self, name: str, action: Callable[[], Answer]) -> None:
         """Offer an action on the recording as a service."""
 
         def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -428,7 +428,7 @@ class Recorder(GraphNode):
                 self.report()
             return response
 
-        self.create_service(Trigger, f"~/{verb}", answer)
+        self.create_service(Trigger, f"~/{name}", answer)
 
     def _describe(self) -> Answer:
         """Describe the state of the recording."""

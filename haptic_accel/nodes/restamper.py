@@ -55,7 +55,7 @@ class Restamper(GraphNode):
         self._stopped = False
         self._publish_stopped = self.publisher(topics.SLAVE_STOPPED).publish
         self.listen_state(topics.COUPLER_STOPPED, self._follow)
-        self._looking = self.create_timer(DISCOVERY_PERIOD, self._look)
+        self._looking = self.create_timer(DISCOVERY_PERIOD, self._check_listeners)
 
     def work(self) -> float:
         """Publish the due samples; return the steady time at which the next are due, s."""
@@ -97,7 +97,7 @@ class Restamper(GraphNode):
         sender = self.sender(topic)
         waiting = deque[tuple[int, Vector]]()
         self._waiting.append((sender, waiting))
-        counted = topic is topics.TOOL_ACCELERATION
+        is_counted = topic is topics.TOOL_ACCELERATION
 
         def receive(stamp: int, vector: Vector) -> None:
             if publishers.senders > 1:
@@ -113,7 +113,7 @@ class Restamper(GraphNode):
             if moved is None or self._failure:
                 return
             waiting.append((moved, vector))
-            if counted:
+            if is_counted:
                 self._lead.add(max(0, moved - now) / NANOSECONDS)
                 self._past_tick += moved < now
             if not said:
@@ -137,7 +137,7 @@ class Restamper(GraphNode):
         steady = moment - system_time(0)
         return system_time(round(math.ceil(steady / self._period) * self._period))
 
-    def _look(self) -> None:
+    def _check_listeners(self) -> None:
         """Log once that all other nodes exist."""
         acceleration, position, _ = self._senders
         if min(acceleration.listeners, position.listeners) >= self.parameters.listeners:

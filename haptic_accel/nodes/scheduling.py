@@ -98,13 +98,13 @@ class Signals:
             libc.prctl(PR_SET_PDEATHSIG, ORPHANED)
         # The parent may have ended already; a supervisor therefore passes its process id.
         self._parent = int(os.environ.get(process.SUPERVISOR, os.getppid()))
-        self._look_due, self._orphaned = 0.0, False
+        self._check_due, self._orphaned = 0.0, False
 
     def ended(self) -> bool:
         """Return whether the process must end."""
         # A check for the parent takes a system call, 20 us a tick.
-        if (now := time.monotonic()) >= self._look_due:
-            self._look_due = now + SERVING_PERIOD
+        if (now := time.monotonic()) >= self._check_due:
+            self._check_due = now + SERVING_PERIOD
             self._orphaned = os.getppid() != self._parent
         return bool(self._ends) or self._orphaned
 

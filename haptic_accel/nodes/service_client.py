@@ -48,26 +48,26 @@ class Answers:
 
     Parameters
     ----------
-    asked : mapping of str to Future
+    futures : mapping of str to Future
         Answers to come, by node.
 
     Attributes
     ----------
-    asked : mapping of str to Future
+    futures : mapping of str to Future
     """
 
-    def __init__(self, asked: Mapping[str, Future]) -> None:
-        self.asked = asked
+    def __init__(self, futures: Mapping[str, Future]) -> None:
+        self.futures = futures
 
     @property
     def received(self) -> dict[str, Any]:
         """Responses received so far, by node."""
-        return {node: answer.result() for node, answer in self.asked.items() if answer.done()}
+        return {node: answer.result() for node, answer in self.futures.items() if answer.done()}
 
     @property
     def silent(self) -> list[str]:
         """Nodes that have not answered yet."""
-        return [node for node, answer in self.asked.items() if not answer.done()]
+        return [node for node, answer in self.futures.items() if not answer.done()]
 
     @property
     def refusals(self) -> list[str]:
@@ -193,10 +193,10 @@ class ServiceClient(Services):
         if not isinstance(content, SetParametersAtomically.Request):
             done = f"{request.service.partition('/')[2]} done"
             return f"{node}: {await self.send(request) or done}"
-        asked = {each.name: parameter_value_to_python(each.value) for each in content.parameters}
-        before = await self.parameters(node, list(asked))
+        goals = {each.name: parameter_value_to_python(each.value) for each in content.parameters}
+        before = await self.parameters(node, list(goals))
         await self.send(request)
-        pairs = zip(asked.items(), before, strict=True)
+        pairs = zip(goals.items(), before, strict=True)
         changes = [f"{name} {old} -> {new}" for (name, new), old in pairs if old != new]
         return f"{node}: {', '.join(changes) or 'nothing changed: it was so already'}"
 

@@ -152,8 +152,8 @@ class Sender:
         self._wire = node.wire(topic)
         self._index = bundles.index(node.resolve_topic_name(topic.name)) if bundles else 0
         self._counts = 0, 0
-        self._others = self._asked = 0
-        self._look_due = 0.0
+        self._others = self._counted_period = 0
+        self._count_due = 0.0
         self.offer()
 
     def offer(self) -> None:
@@ -172,8 +172,8 @@ class Sender:
     def send(self, stamp: int, vector: Vector, orientation: Quaternion = IDENTITY) -> None:
         """Send a vector with a stamp, system time in ns; only a pose has an orientation."""
         bundles = self._bundles
-        if not bundles or self._asked != bundles.period:
-            self._asked = bundles.period if bundles else 0
+        if not bundles or self._counted_period != bundles.period:
+            self._counted_period = bundles.period if bundles else 0
             self._has_subscriber = self._subscribed() > 0
         if self._has_subscriber:
             self._publish(self._pack(stamp, vector, orientation))
@@ -189,14 +189,14 @@ class Sender:
         subscribed = self._subscribed()
         bundled = self._bundles.listening() if self._bundles else 0
         if subscribed and bundled:
-            subscribed = self._found_beside(subscribed, bundled)
+            subscribed = self._unbundled(subscribed, bundled)
         return self._wire.listeners + subscribed + bundled
 
-    def _found_beside(self, subscribed: int, bundled: int) -> int:
+    def _unbundled(self, subscribed: int, bundled: int) -> int:
         """Return the number of subscribers that do not receive bundles, from the last look-up."""
         now = time.monotonic()
-        if (subscribed, bundled) != self._counts or now >= self._look_due:
-            self._counts, self._look_due = (subscribed, bundled), now + LISTENERS_PERIOD
+        if (subscribed, bundled) != self._counts or now >= self._count_due:
+            self._counts, self._count_due = (subscribed, bundled), now + LISTENERS_PERIOD
             found = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
             assert self._bundles
             both = self._bundles.listeners(self._node)
@@ -260,7 +260,7 @@ class Inbox:
         self._depth = depth
         self.name = node.resolve_topic_name(topic.name)
         self.subscription: Subscription | None = None
-        self._counted, self._senders = -math.inf, 1
+        self._count_time, self._senders = -math.inf, 1
         self.sole, self.changed, self.contenders, self.contested = True, False, 1, 0
         self._wire = node.wire(topic)
         self._wire.join(self._connect)
@@ -283,8 +283,8 @@ class Inbox:
         """
         if self.subscription:
             return self._count()
-        if (now := time.monotonic()) >= self._counted + RIVALS_PERIOD:
-            self._counted, self._senders = now, self._node.count_publishers(self.name)
+        if (now := time.monotonic()) >= self._count_time + RIVALS_PERIOD:
+            self._count_time, self._senders = now, self._node.count_publishers(self.name)
         return self._senders
 
     def drain(self, unpack: Callable[[bytes], Value]) -> list[tuple[bytes, int, Value]]:
@@ -345,7 +345,7 @@ class Inbox:
                 self.changed, self.contenders = False, count
                 return []  # the usual case; reading the middleware's events is slower
             # Checked after reading messages, whose publishers are known by now.
-            numbers = [facts["publication_sequence_number"] for _, facts, _ in found]
+            numbers = [info["publication_sequence_number"] for _, info, _ in found]
             self.sole = publisher.sole(numbers)
             self.changed, self.contenders = publisher.changed, publisher.contenders
             if not self.sole:
@@ -356,8 +356,8 @@ class Inbox:
         self, unpack: Callable[[bytes], Value]
     ) -> Iterator[tuple[bytes, dict[str, int], Value]]:
         """Yield data, information and value of waiting messages; refuse malformed ones."""
-        while self.subscription and (taken := self._take()):
-            data, information = taken
+        while self.subscription and (message := self._take()):
+            data, information = message
             try:
                 value = unpack(data)
             except ValueError as error:
@@ -382,8 +382,8 @@ class Requests:
 
     def drain(self) -> Iterator[tuple[Any, Callable[[Any], None]]]:
         """Yield each request with the function to call with the response."""
-        while (taken := self._next())[1] is not None:
-            request, header = taken
+        while (message := self._next())[1] is not None:
+            request, header = message
             yield request, partial(self._answer, header=header)
 
     def _next(self) -> tuple[Any, Any]:
@@ -437,5 +437,5 @@ class Samples:
             self.sequence.outdated = 0
 
 
-def ignore(*taken: Any) -> None:
+def ignore(*received: Any) -> None:
     """Ignore the arrival of a message or request, which the node reads when it has time."""

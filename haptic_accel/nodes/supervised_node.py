@@ -55,7 +55,7 @@ class LossyStream(io.RawIOBase):
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
-        self._cut = False
+        self._is_cut = False
 
     def writable(self) -> bool:
         """Return True."""
@@ -71,10 +71,10 @@ class LossyStream(io.RawIOBase):
 
     def write(self, data: Any) -> int:
         """Write without waiting; return the length of all data."""
-        text = b"\n" + bytes(data) if self._cut else bytes(data)
+        text = b"\n" + bytes(data) if self._is_cut else bytes(data)
         # EAGAIN: a stalled reader. EPIPE, EIO: no reader or terminal. ENOSPC: a full disk.
         with suppress(OSError):
-            self._cut = os.write(self._descriptor, text) < len(text)
+            self._is_cut = os.write(self._descriptor, text) < len(text)
         return len(data)
 
 
@@ -212,9 +212,9 @@ class CallbackGuard:
             return entity
 
         @wraps(callback)
-        def call(*taken: Any) -> Any:
+        def call(*args: Any) -> Any:
             try:
-                return callback(*taken)
+                return callback(*args)
             except Exception as error:
                 self.note(name, error)
                 return None
@@ -422,7 +422,7 @@ class SupervisedNode(Node):
 
     def listen(self, topic: Topic, callback: Callable[[int, Vector], None]) -> Subscription:
         """Subscribe to a signal; the callback gets stamps, system time in ns, and vectors."""
-        return self._listen(topic, unpack_stamped_vector, lambda taken: callback(*taken))
+        return self._listen(topic, unpack_stamped_vector, lambda signal: callback(*signal))
 
     def listen_state(self, topic: Topic, callback: Callable[[bool], None]) -> Subscription:
         """Subscribe to a latched state, true or false."""
@@ -434,7 +434,7 @@ class SupervisedNode(Node):
         if self._malformed[topic.name] == 1:
             self.get_logger().warning(f"{topic.name}: malformed message refused: {reason}")
 
-    def create_timer(self, period: float, callback: Callable[[], object], **given: Any) -> Timer:
+    def create_timer(self, period: float, callback: Callable[[], object], **options: Any) -> Timer:
         """Create a timer of the steady clock, since setting system time back must not delay it.
 
         Parameters
@@ -442,10 +442,10 @@ class SupervisedNode(Node):
         period : float
             Interval between calls, s.
         callback : callable
-        **given
+        **options
             As for rclpy's own.
         """
-        return super().create_timer(period, callback, clock=self._steady, **given)
+        return super().create_timer(period, callback, clock=self._steady, **options)
 
     def create_service(
         self,
@@ -454,7 +454,7 @@ class SupervisedNode(Node):
         callback: Callable[..., Any],
         *,
         qos_profile: QoSProfile = qos_profile_parameters,
-        **given: Any,
+        **options: Any,
     ) -> Service:
         """Create a service with a long queue of requests, like rclpy's parameter services.
 
@@ -464,10 +464,10 @@ class SupervisedNode(Node):
         ----------
         kind
             Type of the service.
-        name, callback, qos_profile, **given
+        name, callback, qos_profile, **options
             As for rclpy's own; by default 1000 requests are queued.
         """
-        return super().create_service(kind, name, callback, qos_profile=qos_profile, **given)
+        return super().create_service(kind, name, callback, qos_profile=qos_profile, **options)
 
     def replace_service(self, kind: type, callback: Callable[..., Any]) -> None:
         """Replace the callback of rclpy's own services of a type."""

@@ -30,7 +30,7 @@ the time from sample to force is unchanged."""
 FOUND_AT_ONCE = 0.9
 """Fraction of ticks whose messages have arrived at the first poll."""
 
-EARLIEST_LOOK = 0.3e-3
+EARLIEST_POLL = 0.3e-3
 """Initial time from the grid point to the first poll, s; adapted later."""
 
 ARRIVAL_STEP = 20e-6
@@ -97,7 +97,7 @@ class RateKeeper:
         Lateness of the frames, and working time per grid point.
     framed : bool
         True if the devices may be served in frames.
-    told : bool
+    is_warned : bool
         True once a log message has said that the rate is not held.
 
     Examples
@@ -123,9 +123,9 @@ class RateKeeper:
         self._next = self._newest(clock()) + frame
         self._in_time = self._next - 1
         self._gaps: defaultdict[str, float] = defaultdict(float)
-        self.ticks = self.late = self.missed = self._begun = 0
+        self.ticks = self.late = self.missed = self._start = 0
         self.lateness, self.work = DurationHistogram(), DurationHistogram()
-        self.framed = self.told = False
+        self.framed = self.is_warned = False
 
     @property
     def period(self) -> float:
@@ -162,12 +162,12 @@ class RateKeeper:
                 self._gaps[reader] = gap
         self.ticks += self._frame
         self._next = tick + self._frame
-        self._begun = now
+        self._start = now
         return tick
 
     def done(self) -> None:
         """Record the working time of the last frame."""
-        self.work.add((self._clock() - self._begun) / NANOSECONDS / self._frame)
+        self.work.add((self._clock() - self._start) / NANOSECONDS / self._frame)
 
     def better(self, age: float = 0.0, latency: int = 1) -> str:
         """Return the arguments of a rate that the measured time of a tick allows.
@@ -237,7 +237,7 @@ class ArrivalKeeper:
     def __init__(self, rate: float, clock: Callable[[], float] = time.monotonic) -> None:
         self._period = 1 / rate
         self._clock = clock
-        self._offset = min(EARLIEST_LOOK, self._period / 2)
+        self._offset = min(EARLIEST_POLL, self._period / 2)
         self._silence = FLOWING * self._period
         self._found = -math.inf
         self._next = 0.0
@@ -296,7 +296,7 @@ LONGEST_RUN = 1_000_000
 """Time that a real-time thread may run without a pause, us, before the kernel ends its process
 (with SIGXCPU): a fault in a node must not block the machine."""
 
-RECORDING_PRIORITY, FORCE_PRIORITY, FELT_PRIORITY = 30, 40, 41
+RECORDING_PRIORITY, FORCE_PRIORITY, COIL_PRIORITY = 30, 40, 41
 """Real-time priorities, below the kernel's own threads at 50. Nodes that compute forces share one
 priority, so that none interrupts another. Only the compensator may interrupt the others: its force
 is due at the next tick, while their work can wait. The recorder delays no force, but must not wait
@@ -340,7 +340,7 @@ def schedule(policy: int, priority: int) -> None:
 
     Threads that a library has made real-time itself, such as JACK's, are not changed.
     """
-    own = 0, RECORDING_PRIORITY, FORCE_PRIORITY, FELT_PRIORITY
+    own = 0, RECORDING_PRIORITY, FORCE_PRIORITY, COIL_PRIORITY
     for thread in map(int, os.listdir("/proc/self/task")):
         with suppress(ProcessLookupError):  # the thread has just ended
             if os.sched_getparam(thread).sched_priority in own:

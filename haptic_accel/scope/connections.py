@@ -180,15 +180,15 @@ class Rest:
     """Pause of the calling thread if it is real-time and its process uses too much of a core."""
 
     def __init__(self) -> None:
-        self._begun, self._used = time.monotonic(), time.process_time()
+        self._start, self._used = time.monotonic(), time.process_time()
 
     def __call__(self) -> None:
         """Sleep if the process was busy since the last call; call it regularly."""
-        passed, used = time.monotonic() - self._begun, time.process_time() - self._used
+        passed, used = time.monotonic() - self._start, time.process_time() - self._used
         if passed >= BREAK:
             urgent = hasattr(os, "sched_getscheduler") and os.sched_getscheduler(0)
             time.sleep(BREAK if urgent and used > BUSY * passed else 0.0)
-            self._begun, self._used = time.monotonic(), time.process_time()
+            self._start, self._used = time.monotonic(), time.process_time()
 
 
 class _Stranger(asyncio.Protocol):

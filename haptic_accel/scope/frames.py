@@ -9,7 +9,7 @@ steady time of creation in s (float64), origin in s since 1970 (float64), then f
 times after the origin in s and the values (float32 each). A frame of plots: kind, number of points
 of the spectra, number of points of the cloud (uint32 each), then frequency, desired and actual of
 the spectra, desired and actual of the cloud (float32 each). A frame of positions: kind (uint32),
-then x and z of each of `PLACES` (float32, NaN for unknown).
+then x and z of each of `VECTORS` (float32, NaN for unknown).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ TRACES = (*ALWAYS, *CHOSEN)
 """Signals of a frame of samples, in this order."""
 
 SCENE = "scene"
-"""Name by which a page requests the frames of positions (`PLACES`)."""
+"""Name by which a page requests the frames of positions (`VECTORS`)."""
 
 SOUND = "sound"
 """Name by which a page that plays sound requests a higher frame rate."""
@@ -50,10 +50,10 @@ AXES = {f"axis_{name}": name for name in NAMES}
 ON_DEMAND = (*CHOSEN, SCENE, SOUND, *AXES)
 """Requests that a page may make."""
 
-PLACES = ("tool", "tool_velocity", "handle", "contact_force")
+VECTORS = ("tool", "tool_velocity", "handle", "contact_force")
 """Vectors of a frame of positions: m, m/s, m, N; the tool's in the slave's base frame."""
 
-EVERYTHING = frozenset((*TRACES, *ON_DEMAND, *PLACES))
+EVERYTHING = frozenset((*TRACES, *ON_DEMAND, *VECTORS))
 """Signals, requests and positions of a page without restrictions."""
 
 _SAMPLES_HEADER = struct.Struct("<8Ifdd")
@@ -100,11 +100,11 @@ class Cursor:
         self.axis = next((AXES[name] for name in AXES if name in self.shown), self._windows.axis)
         self._placed = b""
 
-    def places(self) -> bytes | None:
+    def vectors(self) -> bytes | None:
         """Return the frame of the latest positions; None if not shown, or unchanged since then."""
-        places = self._windows.places.items()
-        admitted = {name: place for name, place in places if name in self._admitted}
-        before, self._placed = self._placed, places_frame(admitted)
+        vectors = self._windows.vectors.items()
+        admitted = {name: vector for name, vector in vectors if name in self._admitted}
+        before, self._placed = self._placed, vectors_frame(admitted)
         return self._placed if SCENE in self.shown and self._placed != before else None
 
     def frame(self) -> bytes | None:
@@ -152,10 +152,10 @@ def plots_frame(metrics: Metrics) -> bytes:
     return b"".join([header, *map(_float32, (*lines, *cloud))])
 
 
-def places_frame(places: Mapping[str, Vector]) -> bytes:
-    """Return the latest vectors of `PLACES` as bytes."""
+def vectors_frame(vectors: Mapping[str, Vector]) -> bytes:
+    """Return the latest vectors of `VECTORS` as bytes."""
     unknown = (math.nan,) * 3
-    found = [places.get(name, unknown) for name in PLACES]
+    found = [vectors.get(name, unknown) for name in VECTORS]
     return struct.pack("<I", PLACED) + _float32(np.array([(x, z) for x, _, z in found]))
 
 

@@ -70,18 +70,18 @@ def measure(windows: Windows, begin: int, end: int, rate: float) -> IntervalMeas
     stamps, handle = _signal(windows, "handle", begin - margin, end + margin)
     desired_stamps, desired_values = _signal(windows, "desired", begin - margin, end + margin)
     _, forces = _signal(windows, "force", begin, end)
-    places_of_handle = np.arange(float(len(stamps)))
+    handle_indices = np.arange(float(len(stamps)))
     shift = settings.after
-    desired, found = paired(desired_stamps, desired_values, stamps, places_of_handle, shift, rate)
+    desired, found = paired(desired_stamps, desired_values, stamps, handle_indices, shift, rate)
     index = found.astype(int)
     moments = stamps[index]
     within = (moments >= begin) & (moments <= end)
     if np.count_nonzero(within) < 2:
         return None
-    asked = _rms(lengths(desired[within]))
+    strength = _rms(lengths(desired[within]))
     compared, actual = comparable(desired, handle[index], settings.high_pass_frequency, rate)
     compared, actual, moments = compared[within], actual[within], moments[within]
-    evaluated = asked >= LEAST_DESIRED
+    evaluated = strength >= LEAST_DESIRED
     error = evaluate(compared, actual, rate, delay=0.0).nrmse_percent if evaluated else None
     largest = np.abs(forces).reshape(len(forces), -1).max(axis=1, initial=0.0)
     limited = largest >= AT_LIMIT * settings.actuator.peak_force
@@ -90,7 +90,7 @@ def measure(windows: Windows, begin: int, end: int, rate: float) -> IntervalMeas
         end=int(moments[-1]),
         rms=_rms(lengths(actual)),
         peak=float(lengths(actual).max()),
-        desired_rms=asked,
+        desired_rms=strength,
         error=error,
         clipped=100.0 * float(np.mean(limited)) if len(limited) else 0.0,
         lost=max(lost_percent(each, begin, end, rate) for each in (stamps, desired_stamps)),

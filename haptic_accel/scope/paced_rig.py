@@ -45,7 +45,7 @@ STROKE, STROKE_RATE, STROKE_HEIGHT = 0.05, 0.4, -0.004
 strokes are below the surface, so that the tool presses on it."""
 
 
-class _Asked(NamedTuple):
+class _Request(NamedTuple):
     """Action to be executed between two ticks, and the receiver of its result or refusal."""
 
     action: str
@@ -82,7 +82,7 @@ class PacedRig:
         self._arguments = GraphArguments.from_given(surface=surface, rig=rig, master=POINTER)
         self.windows = Windows()
         self._choices = choices()
-        self._asked: SimpleQueue[_Asked] = SimpleQueue()
+        self._requests: SimpleQueue[_Request] = SimpleQueue()
         self._point: tuple[float, float] | None = None
         self._is_led = False
         self._reports = NodeReports()
@@ -95,7 +95,7 @@ class PacedRig:
         self._rate, latency = arguments.rate, arguments.latency
         setup = Setup.of(arguments)
         rig = setup.rig()
-        around, self._controllers = setup.node("compensator")
+        compensation, self._controllers = setup.node("compensator")
         self._master_parameters = rig.master
         self._values = {
             "compensator": dict(setup.values["compensator"]),
@@ -107,7 +107,7 @@ class PacedRig:
         devices = {MASTER: self._master, SLAVE: self._slave}
         for device in devices.values():
             device.open()
-        own = around, self._controllers
+        own = compensation, self._controllers
         sides, part = build_parts(rig, devices, *own, self._rate, latency, time.monotonic)
         sides[SLAVE].wants_contact = True
         self._loop, self._compensation = build_loop(rig, sides, part), part.slow
@@ -116,8 +116,8 @@ class PacedRig:
             (NAMES.index(axis), windows) for axis, windows in self.windows.by_axis.items()
         ]
         settings = GraphSettings(
-            *(around.high_pass_frequency, self._controllers[ACTUATOR], latency),
-            self._granted(around.controller),
+            *(compensation.high_pass_frequency, self._controllers[ACTUATOR], latency),
+            self._granted(compensation.controller),
             noise=rig.master.accelerometer.noise,
             assumed=False,
         )
@@ -165,10 +165,10 @@ class PacedRig:
         """
         check_choice("action", action, self._choices)
         check_choice(action, value, self._choices[action])
-        asked = _Asked(action, value, Future())
-        self._asked.put(asked)
+        request = _Request(action, value, Future())
+        self._requests.put(request)
         try:
-            return await asyncio.wrap_future(asked.answer)
+            return await asyncio.wrap_future(request.answer)
         except ParameterError as error:
             raise CommandError(str(error)) from None
 
@@ -176,16 +176,16 @@ class PacedRig:
 
     def run(self, stopped: Callable[[], bool]) -> None:
         """Run in real time until `stopped` returns true."""
-        begun = time.monotonic()
+        start = time.monotonic()
         origin = time.time_ns()
         while not stopped():
             self._carry_out()
             now = time.monotonic()
-            due = math.floor((now - begun) * self._rate)
+            due = math.floor((now - start) * self._rate)
             left_out = due - self._tick - round(LONGEST_BEHIND * self._rate)
             if left_out > 0:
                 self._left_out += left_out
-                begun += left_out / self._rate
+                start += left_out / self._rate
                 origin += (missing := round(left_out * NANOSECONDS / self._rate))
                 for _, windows in self._axes:
                     windows.leave_out(missing)
@@ -216,24 +216,24 @@ class PacedRig:
             if not sample.arm:
                 for index, each in self._axes:
                     each.handle.put(stamp, sample.acceleration[index])
-                windows.places["handle"] = sample.position
+                windows.vectors["handle"] = sample.position
             else:
                 windows.position.put(stamp, sample.position[ACTUATOR_AXIS])
-                windows.places["tool"] = sample.position
-                windows.places["tool_velocity"] = sample.velocity
-                windows.places["contact_force"] = sample.contact or ZERO
-        for caused in loop.commands:
-            windows.arm_force.put(origin + caused.s_stamp, caused.s_z)
-        for felt in loop.compensated:
+                windows.vectors["tool"] = sample.position
+                windows.vectors["tool_velocity"] = sample.velocity
+                windows.vectors["contact_force"] = sample.contact or ZERO
+        for command in loop.commands:
+            windows.arm_force.put(origin + command.s_stamp, command.s_z)
+        for sent in loop.compensated:
             for index, each in self._axes:
-                each.desired.put(origin + felt.stamp, felt.desired_acceleration[index])
-                each.force.put(origin + felt.stamp, felt.actuator_force[index])
+                each.desired.put(origin + sent.stamp, sent.desired_acceleration[index])
+                each.force.put(origin + sent.stamp, sent.actuator_force[index])
 
     def _carry_out(self) -> None:
         """Execute the actions that pages have requested."""
         while True:
             try:
-                action, value, answer = self._asked.get_nowait()
+                action, value, answer = self._requests.get_nowait()
             except Empty:
                 return
             try:
@@ -242,7 +242,7 @@ class PacedRig:
                 answer.set_exception(error)
             else:
                 for _, windows in self._axes:
-                    windows.compare_anew()
+                    windows.restart_comparison()
                 answer.set_result(f"{action}: {value}")
 
     def _set_controller(self, name: str) -> None:

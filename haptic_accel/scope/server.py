@@ -456,11 +456,11 @@ class ScopeServer:
     async def _receive(self, page: Page, cursor: Cursor) -> None:
         """Serve a page's requests until it disconnects."""
         async for message in page:
-            asked = parsed(message.data)
-            if isinstance(asked, list) and all(name in ON_DEMAND for name in asked):
-                cursor.choose(asked)
-            elif isinstance(asked, dict) and _is_point(asked.get("point", ())):
-                if refusal := self._lead(page, asked["point"]):
+            content = parsed(message.data)
+            if isinstance(content, list) and all(name in ON_DEMAND for name in content):
+                cursor.choose(content)
+            elif isinstance(content, dict) and _is_point(content.get("point", ())):
+                if refusal := self._lead(page, content["point"]):
                     await page.send_json({"refused": refusal})
             else:
                 await page.close(code=WSCloseCode.UNSUPPORTED_DATA)
@@ -492,8 +492,8 @@ class ScopeServer:
             due = loop.time() + 1 / (SOUND_RATE if SOUND in cursor.shown else FRAME_RATE)
             if (frame := cursor.frame()) is not None:
                 await self._give(page, frame)
-            if (places := cursor.places()) is not None:
-                await self._give(page, places)
+            if (vectors := cursor.vectors()) is not None:
+                await self._give(page, vectors)
             self._refresh(loop.time())
             if self._updated > sent:
                 sent = self._updated

@@ -83,11 +83,11 @@ class NodeReports:
         if crowded and node not in self._reports and node not in EXPECTED:
             return False
         values = {
-            _cut(name): _cut(value) for name, value in islice(report.values.items(), MOST_VALUES)
+            _clip(name): _clip(value) for name, value in islice(report.values.items(), MOST_VALUES)
         }
-        report = replace(report, message=_cut(report.message), values=values)
+        report = replace(report, message=_clip(report.message), values=values)
         # Replace the dictionary, so that no reader on another thread sees it change.
-        self._reports = {**self._reports, _cut(node): report}
+        self._reports = {**self._reports, _clip(node): report}
         return True
 
     def forget(self) -> None:
@@ -129,7 +129,7 @@ def number(text: str | None) -> float | None:
     return found if math.isfinite(found) else None
 
 
-def _cut(text: str) -> str:
+def _clip(text: str) -> str:
     return text if len(text) <= LONGEST_TEXT else text[:LONGEST_TEXT] + "…"
 
 
@@ -163,7 +163,7 @@ def state_of(
     expected : sequence of str
         Nodes that are shown even if they have sent no diagnostics.
     values : mapping
-        Known parameters of the nodes of `WANTED`.
+        Known parameters of the nodes of `REQUESTED`.
     settings : GraphSettings
     led : bool
         True if a page can lead the hand.

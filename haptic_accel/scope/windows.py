@@ -38,7 +38,7 @@ LOWEST_CORNER = 0.1
 """Corner of a high-pass that leaves the desired acceleration unchanged, Hz: the compensator has
 filtered it already."""
 
-_beside = ThreadPoolExecutor(1, "lowest error")  # the page's server must not wait
+_pool = ThreadPoolExecutor(1, "lowest error")  # the page's server must not wait
 
 
 class LowestError:
@@ -63,21 +63,21 @@ class LowestError:
             Error in percent, as `Evaluation.nrmse_percent`; None before the first result.
         """
         if self._computed and self._computed.done():
-            self._value, taken = self._computed.result()
-            self._due = time.monotonic() + max(PERIOD, taken / SHARE)
+            self._value, spent = self._computed.result()
+            self._due = time.monotonic() + max(PERIOD, spent / SHARE)
             self._computed = None
         if self._computed is None and time.monotonic() >= self._due:
-            self._computed = _beside.submit(_timed, bound)
+            self._computed = _pool.submit(_timed, bound)
         return self._value
 
 
 def _timed(bound: Callable[[], float]) -> tuple[float | None, float]:
     """Return the bound, %, and the CPU time of its computation, s."""
-    begun = time.thread_time()
+    start = time.thread_time()
     found = None
     with suppress(ParameterError, ValueError):  # the input is not finite, or too short
         found = bound()
-    return found, time.thread_time() - begun
+    return found, time.thread_time() - start
 
 
 LONGEST_WINDOW = 5.0
@@ -268,7 +268,7 @@ class Windows:
     actual, travel : Ring
         Signals derived by `advance`: handle acceleration without gravity and hand motion
         (m/s^2), and position of the actuator's moving mass between its stops (m).
-    places : dict
+    vectors : dict
         Latest vectors of `frames.PLACES`, if requested by a page.
     settings : GraphSettings
         Settings of the graph; may be replaced by another thread at any time.
@@ -280,7 +280,7 @@ class Windows:
         self.desired, self.handle, self.force, self.age = Ring(), Ring(), Ring(), Ring()
         self.actual, self.travel = Ring(), Ring()
         self.arm_force, self.position = Ring(), Ring()
-        self.places: dict[str, Vector] = {}
+        self.vectors: dict[str, Vector] = {}
         self.settings = GraphSettings()
         self._derivation: Derivation | None = None
         self._derived = 0
@@ -293,14 +293,14 @@ class Windows:
         known = {**self.by_axis, self.axis: self}
         self.by_axis = {name: known.get(name) or Windows(name) for name in axes.names}
 
-    def compare_anew(self) -> None:
+    def restart_comparison(self) -> None:
         """Restrict the comparison to samples from now on, as after a change."""
         self._lowest = LowestError()
         self._compared_from = self.handle.newest + int(CHANGING * NANOSECONDS)
 
     def leave_out(self, duration: int) -> None:
         """Restart the comparison after a gap of `duration` in the stamps, ns."""
-        self.compare_anew()
+        self.restart_comparison()
         self._compared_from += duration
 
     def advance(self) -> None:

@@ -11,7 +11,7 @@ from statistics import fmean
 
 import pytest
 
-from haptic_accel.analysis.latency import latest_words, merged
+from haptic_accel.analysis.latency import latest_text, merged
 from haptic_accel.core.topics import SIGNALS
 from running import Command, nodes_of
 
@@ -78,7 +78,7 @@ def test_of_several_runs_counts_are_added_and_the_longest_lateness_stays_if_all_
     longest_us = pytest.approx(joined, nan_ok=True)
     expected = {"due": 30, "missed": 5, "past_tick": 2, "longest_us": longest_us}
     assert found == {**expected, "late_s": pytest.approx(0.0103)}
-    assert latest_words(found["longest_us"]) == (
+    assert latest_text(found["longest_us"]) == (
         "" if math.isnan(joined) else ", the latest by 5.0 ms"
     )
 

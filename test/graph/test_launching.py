@@ -300,7 +300,7 @@ def test_without_either_the_graph_starts_and_says_so(
 
 def test_an_interruption_waits_for_a_node_that_starts(start: Start, tmp_path: Path) -> None:
     nodes = start("teleop")
-    words = launching.blocking_words()
+    words = launching.blocking_prefix()
     if not words:
         pytest.skip("this system's env blocks no signals")
     assert nodes["composed"].prefix.split() == list(words)

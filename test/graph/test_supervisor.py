@@ -249,7 +249,7 @@ def test_the_graph_is_stopped_in_order_once_nobody_takes_its_lines(error: BaseEx
 
 @pytest.mark.usefixtures("scripts")
 def test_an_end_does_not_wait_for_who_takes_no_lines(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(supervisor, "LAST_WORDS", 0.1)
+    monkeypatch.setattr(supervisor, "OUTPUT_TIME", 0.1)
     up, over = threading.Event(), threading.Event()
 
     def hang(*_: str) -> None:

@@ -167,8 +167,8 @@ def test_threads_that_a_library_made_real_time_stay_so(monkeypatch: pytest.Monke
         "sched_setscheduler",
         lambda each, _, param: priorities.__setitem__(each, param.sched_priority),
     )
-    timing.schedule(os.SCHED_FIFO, timing.FELT_PRIORITY)
-    assert priorities == {1: timing.FELT_PRIORITY, 2: 60, 3: 5, 4: timing.FELT_PRIORITY}
+    timing.schedule(os.SCHED_FIFO, timing.COIL_PRIORITY)
+    assert priorities == {1: timing.COIL_PRIORITY, 2: 60, 3: 5, 4: timing.COIL_PRIORITY}
 
 
 def test_system_and_steady_time_go_on_together() -> None:

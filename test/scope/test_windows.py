@@ -451,7 +451,7 @@ def test_time_that_is_left_out_is_not_compared_and_no_time_for_a_new_controller(
     made.settings = windows.GraphSettings(plant=Plant(), assumed=False)
     wait_until(lambda: "lowest_percent" in made.metrics().values, "the lowest error")
     if changed:
-        made.compare_anew()
+        made.restart_comparison()
     made.leave_out(5 * NANOSECONDS)
     assert {"nrmse_percent", "lowest_percent"}.isdisjoint(made.metrics().values)
 

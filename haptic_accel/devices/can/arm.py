@@ -183,7 +183,7 @@ UNDECIDED = 1.0
 ON_REQUEST = "disarmed on request"
 """Reason for missing torques after `DrivenArm.disarm`."""
 
-COUNTED = (
+COUNTERS = (
     "foreign_frames",
     "position_jumps",
     "samples_missing",
@@ -284,7 +284,7 @@ class DrivenArm:
         self._silent_since = -math.inf
         self.longest_silence = math.nan
         self.fault = ""
-        self._counts = dict.fromkeys(COUNTED, 0)
+        self._counts = dict.fromkeys(COUNTERS, 0)
 
     def counters(self) -> dict[str, int]:
         """Return counts by name."""

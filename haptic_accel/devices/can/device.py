@@ -75,12 +75,12 @@ def bus_configuration(parameters: CanParameters) -> dict[str, Any]:
         raise DeviceError(
             "can: python-can is not installed: pip install python-can, or the package python3-can"
         ) from None
-    given: dict[str, Any] = dict(parameters.settings)
+    settings: dict[str, Any] = dict(parameters.settings)
     named = {name: getattr(parameters, name) for name in ("interface", "channel", "bitrate")}
-    given |= {name: value for name, value in named.items() if value}
+    settings |= {name: value for name, value in named.items() if value}
     known = ", ".join(sorted(can.VALID_INTERFACES))
     try:
-        return dict(can.util.load_config(config=given, context=parameters.context))
+        return dict(can.util.load_config(config=settings, context=parameters.context))
     except can.CanInterfaceNotImplementedError as error:
         # The interface comes from python-can's configuration, or is missing.
         found = parameters.interface or ("" if '"None"' in str(error) else one_line(error))
@@ -308,7 +308,7 @@ SEND_TIMEOUT = 50e-3
 send half frames. Delays by other processes are included."""
 
 
-COUNTED = "frames_received", "frames_sent", "frames_garbled", "send_failures"
+COUNTERS = "frames_received", "frames_sent", "frames_garbled", "send_failures"
 """Names of the counters of a link."""
 
 
@@ -337,7 +337,7 @@ class ArmLink(Connection):
         self.configuration: dict[str, Any] = {}
         self._bus: can.BusABC | None = None
         self._sending = threading.Lock()
-        self.counts = dict.fromkeys(COUNTED, 0)
+        self.counts = dict.fromkeys(COUNTERS, 0)
         self.bits = 0
 
     def _connect(self) -> None:

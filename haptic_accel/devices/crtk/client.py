@@ -86,10 +86,10 @@ class Signal:
         The result is also None while the topic has several publishers, which are
         indistinguishable.
         """
-        taken = list(self._waiting())
-        if self._publisher.sole([facts["publication_sequence_number"] for _, facts in taken]):
-            for data, facts in taken:
-                self._put(data, facts["received_timestamp"])
+        messages = list(self._waiting())
+        if self._publisher.sole([info["publication_sequence_number"] for _, info in messages]):
+            for data, info in messages:
+                self._store(data, info["received_timestamp"])
         else:
             deque(self._waiting(), maxlen=0)  # dropped, as they may have another publisher
             self._seen = -math.inf
@@ -100,10 +100,10 @@ class Signal:
 
     def _waiting(self) -> Iterator[tuple[bytes, dict[str, int]]]:
         """Yield received messages with their metadata."""
-        while taken := self._take():
-            yield taken
+        while message := self._take():
+            yield message
 
-    def _put(self, data: bytes, received: int) -> None:
+    def _store(self, data: bytes, received: int) -> None:
         """Store a vector; refuse one that is malformed, not finite, or late when received, ns.
 
         The time that a message waits in the queue is not counted as its delay.
@@ -194,8 +194,8 @@ class ArmClient:
     def state(self) -> Any:
         """Newest `operating_state`; None while unknown."""
         for take in self._states:
-            while taken := take():
-                self._state = taken[0]
+            while message := take():
+                self._state = message[0]
         return self._state
 
     def push(self, force: Vector) -> None:

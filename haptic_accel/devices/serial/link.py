@@ -197,7 +197,7 @@ REFUSALS = {
 ARMED = protocol.State.ARMED, protocol.State.TIMED_OUT
 """States of a board that allows a current."""
 
-COUNTED = (
+COUNTERS = (
     "frames_wrong",
     "frames_unsent",
     "refusals",
@@ -207,7 +207,7 @@ COUNTED = (
 )
 """Names of a link's counts."""
 
-BOARD_COUNTED = "state", "damaged", "lost", "refused", "timeouts", "unsent", "overflowed"
+BOARD_COUNTERS = "state", "damaged", "lost", "refused", "timeouts", "unsent", "overflowed"
 """Names of the counters from a board's status."""
 
 TakeSamples = Callable[[Sequence[float], protocol.Samples], None]
@@ -276,7 +276,7 @@ class BoardLink(Connection):
         self._writing = threading.Lock()
         self._path = ""
         self._port: Port | None = None
-        self._counts: Counter[str] = Counter(dict.fromkeys(COUNTED, 0))
+        self._counts: Counter[str] = Counter(dict.fromkeys(COUNTERS, 0))
         self._last_frame = 0.0
         self.identity: protocol.Identity | None = None
         self.late = 0
@@ -355,7 +355,7 @@ class BoardLink(Connection):
             "set_points_late": self.late,
             **self._counts,
         }
-        for name in BOARD_COUNTED if board is not None else ():
+        for name in BOARD_COUNTERS if board is not None else ():
             counts[f"board_{name}"] = int(getattr(board, name))
         return counts
 
