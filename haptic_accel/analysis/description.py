@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from haptic_accel.bags.facts import LOCKSTEP, RUN
 from haptic_accel.bags.reading import Bag, Change
+from haptic_accel.bags.trial_metadata import LOCKSTEP, RUN
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.compensation import PLANT, matrix_plant

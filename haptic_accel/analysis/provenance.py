@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 
 import haptic_accel
-from haptic_accel.bags.facts import host
+from haptic_accel.bags.trial_metadata import host
 
 _PACKAGE = Path(haptic_accel.__file__).parent
 

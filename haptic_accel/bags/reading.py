@@ -25,10 +25,10 @@ import numpy as np
 from haptic_accel.bags import file_order
 from haptic_accel.bags import folder as folders
 from haptic_accel.bags.expanding import ZSTD, Allowance, decompressed_file, decompressed_message
-from haptic_accel.bags.facts import PARAMETERS, facts_of, read_description
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, MOST_PROBLEMS, Block, McapFile
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata, types_store
 from haptic_accel.bags.timeline import Arrivals, Timeline, timeline
+from haptic_accel.bags.trial_metadata import PARAMETERS, read_custom_data, read_description
 from haptic_accel.core import sampling, topics
 from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
 from haptic_accel.core.cdr import unpack_stamped_vectors
@@ -554,7 +554,7 @@ class _Collected:
         names = [file.name for file in used.files]
         bag = Bag(self._bag.path, counts=counts, files=names)
         bag.problems.extend([*self._bag.problems, *used.notes])
-        bag.facts.update(self._stated_facts(used) | facts_of(used.custom))
+        bag.facts.update(self._stated_metadata(used) | read_custom_data(used.custom))
         sampled, of_files = {}, {}
         for name, (stamps, arrivals, marks, *_) in self._columns.items():
             moved = used.moved(np.frombuffer(arrivals, np.int64))
@@ -580,15 +580,15 @@ class _Collected:
         bag.changes.extend(news(self._in_time(self._changes, used, found)))
         return bag
 
-    def _stated_facts(self, used: file_order.Recording) -> dict[str, Any]:
+    def _stated_metadata(self, used: file_order.Recording) -> dict[str, Any]:
         """Return the graph's metadata as its nodes first described or declared them."""
         nodes: dict[str, dict[str, Any]] = {}
         for said in self._of_graph(self._stated, used)[0]:
             nodes.setdefault(said.node, {}).setdefault(said.parameter, said.value)
-        facts = {PARAMETERS: nodes} if nodes else {}
+        found = {PARAMETERS: nodes} if nodes else {}
         for described in self._of_graph(self._described, used)[0]:
-            facts = described | facts
-        return facts
+            found = described | found
+        return found
 
     def _of_graph(
         self, items: Sequence[tuple[str, int, _Kind]], used: file_order.Recording
@@ -668,14 +668,14 @@ class _Collected:
         namespace = block.topic.removesuffix(f"/{topics.DESCRIPTION.name}")
         for received, offset, message in self._decoded(block):
             try:
-                facts = read_description(message.data)
+                described = read_description(message.data)
             except ValueError as error:
                 self._once(f"{block.topic}: a message is not read: {error}")
                 continue
-            self._described.append((namespace, offset, facts))
+            self._described.append((namespace, offset, described))
             stated = [
                 (namespace, offset, Change(received, node, name, value))
-                for node, own in facts[PARAMETERS].items()
+                for node, own in described[PARAMETERS].items()
                 for name, value in own.items()
             ]
             self._stated += stated

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_accel.bags.facts import PARAMETERS
 from haptic_accel.bags.mcap import DAMAGE_ERRORS
 from haptic_accel.bags.metadata import MetadataError, read_metadata
 from haptic_accel.bags.reading import MOST_MESSAGES, Bag, Signal, news, read_bags, read_parts
 from haptic_accel.bags.timeline import MOST_DRIFT, grid_steps
+from haptic_accel.bags.trial_metadata import PARAMETERS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, IntArray, sampling_rate
 

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_accel.bags.facts import PARAMETERS, description, facts_of
 from haptic_accel.bags.metadata import connection
 from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.bags.trial_metadata import PARAMETERS, description, read_custom_data
 from haptic_accel.bags.writing import BagFiles
 from haptic_accel.core import topics
 from haptic_accel.core.cdr import StampedVector, pack_text
@@ -38,7 +38,7 @@ def trial_vectors(trial: Trial) -> dict[Topic, FloatArray]:
     return {topic: found[topic.name] for topic in _TOPICS if topic.name in found}
 
 
-def write_trial(path: Path, trial: Trial, facts: Mapping[str, str], start: int) -> None:
+def write_trial(path: Path, trial: Trial, custom: Mapping[str, str], start: int) -> None:
     """Write a trial's signals.
 
     Parameters
@@ -46,7 +46,7 @@ def write_trial(path: Path, trial: Trial, facts: Mapping[str, str], start: int) 
     path : Path
         Folder to create.
     trial : Trial
-    facts : mapping
+    custom : mapping
         Metadata, text by name.
     start : int
         Stamp of the first sample, system time in ns; samples are one period apart.
@@ -56,8 +56,8 @@ def write_trial(path: Path, trial: Trial, facts: Mapping[str, str], start: int) 
     ParameterError
         The folder exists already, or cannot be written.
     """
-    files = BagFiles(path, RecordingOptions(), facts)
-    if stated := facts_of(facts):  # other programs copy messages, not metadata
+    files = BagFiles(path, RecordingOptions(), custom)
+    if stated := read_custom_data(custom):  # other programs copy messages, not metadata
         described = connection(1, f"/{topics.DESCRIPTION.name}", topics.DESCRIPTION.type, [])
         files.add(described)
         files.write(described, start, pack_text(json.dumps({PARAMETERS: {}} | stated)))

@@ -45,7 +45,7 @@ class BagFiles:
     path : Path
         Folder to create.
     options : RecordingOptions
-    facts : mapping
+    custom : mapping
         Custom data of the bag, text by name.
 
     Attributes
@@ -65,12 +65,12 @@ class BagFiles:
         The folder exists already or cannot be created.
     """
 
-    def __init__(self, path: Path, options: RecordingOptions, facts: Mapping[str, str]) -> None:
+    def __init__(self, path: Path, options: RecordingOptions, custom: Mapping[str, str]) -> None:
         self.path = path
         self.lost = self.bytes = 0
         self.failure = self.trouble = ""
         self._options = options
-        self._facts = facts
+        self._custom = custom
         self._connections: list[Connection] = []
         self._finished: dict[str, Tally] = {}
         self._messages = 0  # messages in the file being written
@@ -265,7 +265,7 @@ class BagFiles:
         counts = sum((tally.counts for tally in tallies.values()), Counter[int]())
         topics = tuple(topic_entry(known, counts[known.id]) for known in self._connections)
         files = tuple(file_entry(name, tally) for name, tally in tallies.items())
-        return Metadata(files, topics, self._facts)
+        return Metadata(files, topics, self._custom)
 
 
 def _reason(error: OSError) -> str:
@@ -319,7 +319,7 @@ class BagWriter:
     capacity : int
         Maximum number of messages in the queue.
     options : RecordingOptions
-    facts : mapping
+    custom : mapping
         Custom data of the bag, text by name.
 
     Attributes
@@ -340,9 +340,9 @@ class BagWriter:
     """
 
     def __init__(
-        self, path: Path, capacity: int, options: RecordingOptions, facts: Mapping[str, str]
+        self, path: Path, capacity: int, options: RecordingOptions, custom: Mapping[str, str]
     ) -> None:
-        self.files = BagFiles(path, options, facts)
+        self.files = BagFiles(path, options, custom)
         self.paused = options.start_paused
         self.capacity = capacity
         self._overflow = 0
@@ -497,7 +497,7 @@ class RecordingSession:
     capacity : int
         Maximum number of messages in the queue.
     options : RecordingOptions
-    facts : mapping
+    custom : mapping
         Custom data of each bag, text by name.
 
     Attributes
@@ -514,11 +514,11 @@ class RecordingSession:
     """
 
     def __init__(
-        self, bag: str, capacity: int, options: RecordingOptions, facts: Mapping[str, str]
+        self, bag: str, capacity: int, options: RecordingOptions, custom: Mapping[str, str]
     ) -> None:
         self._bag = bag
         self._options = options
-        self._write = partial(BagWriter, capacity=capacity, facts=facts)
+        self._write = partial(BagWriter, capacity=capacity, custom=custom)
         self._connects: dict[str, Connect] = {}
         self._writers: dict[str, MessageWriter] = {}
         self._stopped = False

@@ -14,13 +14,13 @@ from typing import Any
 
 import click
 
-from haptic_accel.bags.facts import ARGUMENTS, HOST, PARAMETERS, VERSION, facts_of
 from haptic_accel.bags.file_order import contradictions
 from haptic_accel.bags.folder import MCAP, MUST_BE, is_being_written, storage_files
 from haptic_accel.bags.metadata import FileEntry, Metadata, MetadataError, read_metadata
 from haptic_accel.bags.reading import read_bags
 from haptic_accel.bags.repair import DamagedError, Repair, inspect, repair
 from haptic_accel.bags.timeline import continuous
+from haptic_accel.bags.trial_metadata import ARGUMENTS, HOST, PARAMETERS, VERSION, read_custom_data
 from haptic_accel.cli.options import FILE, json_option, verb
 from haptic_accel.cli.output import StoppedError, next_command, save
 from haptic_accel.cli.tables import print_table
@@ -42,7 +42,7 @@ def info(path: Path, json_file: Path | None) -> None:
     others = [] if writing else _other_recordings(path, files, metadata)
     own = [file for file in files if all(file.name not in names for names in others)]
     problems = writing or list(_problems(path, own, metadata))
-    trial_metadata = facts_of(metadata.custom)
+    trial_metadata = read_custom_data(metadata.custom)
     when = "no messages"
     if metadata.messages:
         start = datetime.fromtimestamp(metadata.start / NANOSECONDS).astimezone()

@@ -85,8 +85,8 @@ PARAMETER_EVENTS = Topic(
 """Changes of parameters of all nodes: controller, surface or grip set in a running graph."""
 
 DESCRIPTION = Topic("description", "std_msgs/msg/String", "", "", reliable=True, latched=True)
-"""Parameters of each node of the graph as JSON, for recorders; see `bags.facts`. All nodes publish
-to it, again after a change."""
+"""Parameters of each node of the graph as JSON, for recorders; see `bags.trial_metadata`. All
+nodes publish to it, again after a change."""
 
 EMERGENCY_STOP = Topic("estop", _BOOL, "", "", reliable=True, latched=True)
 COMMON_STOP = replace(EMERGENCY_STOP, name=f"/{EMERGENCY_STOP.name}")

@@ -28,7 +28,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from haptic_accel.bags.facts import description
+from haptic_accel.bags.trial_metadata import description
 from haptic_accel.core.cdr import pack_diagnostics
 from haptic_accel.core.parameters import (
     ParameterError,

@@ -46,7 +46,7 @@ SIGNALS = {
     "handle": topics.MASTER_POSITION,
     "contact_force": topics.CONTACT_FORCE,
 }
-"""Topics of `haptic_accel.scope.windows.PLACES`."""
+"""Topics of `haptic_accel.scope.frames.VECTORS`."""
 
 
 class ScopeScene:
@@ -253,7 +253,7 @@ def _checked(name: str, value: Any, default: Any, specification: Any) -> Any:
 ASK_PERIOD = 1.0
 """Interval between attempts to get the parameters of nodes that are not known yet, s."""
 
-REQUESTED = {
+NEEDED = {
     "compensator": tuple(
         name
         for name in node_schema("compensator")
@@ -303,7 +303,7 @@ class GraphView(GraphNode):
         refuse = partial(self.refuse, topics.PARAMETER_EVENTS)
         self._remotes = {
             name: RemoteParameters(self, name, parameter_names, self._update_settings, refuse)
-            for name, parameter_names in REQUESTED.items()
+            for name, parameter_names in NEEDED.items()
         }
         master = self._remotes["master_device"]
         self._scene = ScopeScene(self, self.windows.vectors, lambda: master.values)
@@ -342,7 +342,7 @@ class GraphView(GraphNode):
 
     @property
     def known_parameters(self) -> dict[str, dict[str, Any]]:
-        """Known parameters of other nodes, by node; see `REQUESTED`."""
+        """Known parameters of other nodes, by node; see `NEEDED`."""
         return {name: dict(remote.values) for name, remote in self._remotes.items()}
 
     def forget(self) -> None:

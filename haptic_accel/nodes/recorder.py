@@ -18,8 +18,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags import interfaces as rosbag2
 from std_srvs.srv import Trigger
 
-from haptic_accel.bags.facts import PARAMETERS, custom_data, read_description
 from haptic_accel.bags.metadata import UndefinedTypeError
+from haptic_accel.bags.trial_metadata import PARAMETERS, custom_data, read_description
 from haptic_accel.bags.writing import Answer, MessageWriter, RecordingSession
 from haptic_accel.core import cdr, topics
 from haptic_accel.core.bundles import DUPLICATE_MEMORY, BothWays, InOrder, believed, unpack_bundle

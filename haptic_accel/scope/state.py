@@ -163,7 +163,7 @@ def state_of(
     expected : sequence of str
         Nodes that are shown even if they have sent no diagnostics.
     values : mapping
-        Known parameters of the nodes of `REQUESTED`.
+        Known parameters of the nodes of `NEEDED`.
     settings : GraphSettings
     led : bool
         True if a page can lead the hand.

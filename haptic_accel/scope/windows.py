@@ -269,7 +269,7 @@ class Windows:
         Signals derived by `advance`: handle acceleration without gravity and hand motion
         (m/s^2), and position of the actuator's moving mass between its stops (m).
     vectors : dict
-        Latest vectors of `frames.PLACES`, if requested by a page.
+        Latest vectors of `frames.VECTORS`, if requested by a page.
     settings : GraphSettings
         Settings of the graph; may be replaced by another thread at any time.
     """

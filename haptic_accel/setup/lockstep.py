@@ -9,8 +9,8 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from haptic_accel.bags.facts import LOCKSTEP, PREFIX, RUN, custom_data
 from haptic_accel.bags.trial_bag import write_trial
+from haptic_accel.bags.trial_metadata import LOCKSTEP, PREFIX, RUN, custom_data
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.network.channel import ChannelParameters
@@ -121,5 +121,5 @@ def record_trial(bag: Path, trial: Trial, setup: Setup[GraphArguments], start: i
     ParameterError
         The folder exists already, or cannot be written.
     """
-    metadata = custom_data(setup.metadata())
-    write_trial(bag, trial, metadata | {PREFIX + RUN: json.dumps(LOCKSTEP)}, start)
+    custom = custom_data(setup.metadata())
+    write_trial(bag, trial, custom | {PREFIX + RUN: json.dumps(LOCKSTEP)}, start)

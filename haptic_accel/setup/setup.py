@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, TypeAlias, TypeVar
 
-from haptic_accel.bags.facts import ARGUMENTS, PARAMETERS, facts_text
+from haptic_accel.bags.trial_metadata import ARGUMENTS, PARAMETERS, json_text
 from haptic_accel.core.axes import ALL_AXES
 from haptic_accel.core.control.compensation import PLANT, CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS
@@ -160,7 +160,7 @@ class Setup(Parameters, Generic[A]):
         if self.arguments.params_file:  # make paths valid in any working directory
             paths = files.parameter_paths(self.arguments.params_file)
             recorded["params_file"] = files.SEPARATOR.join(map(str, paths))
-        return facts_text(recorded, effective)
+        return json_text(recorded, effective)
 
 
 def recorded_arguments(metadata: Mapping[str, Any]) -> dict[str, Any]:

@@ -162,7 +162,7 @@ def changed(received: int, node: str, controller: str) -> bag_maker.Message:
 
 
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-def test_facts_diagnostics_and_changes_are_read(tmp_path: Path, storage: StoragePlugin) -> None:
+def test_metadata_diagnostics_and_changes_are_read(tmp_path: Path, storage: StoragePlugin) -> None:
     bag_maker.write_messages(
         tmp_path / "bag",
         [reported(5, "coupler: coupling", "alone"), changed(6, "/x/compensator", "inverse")],

@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bag_maker import Message, vector_bytes, write_messages
-from haptic_accel.bags.facts import PREFIX
 from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.bags.spooling import spooled_bags
+from haptic_accel.bags.trial_metadata import PREFIX
 from haptic_accel.core.topics import HANDLE_ACCELERATION, TOOL_ACCELERATION, Topic
 
 START = 1_700_000_000_000_000_000

@@ -12,10 +12,10 @@ import yaml
 
 from bag_maker import NANOSECONDS, START, STRING, Message, record_messages
 from damaged import write_cut_off_bag
-from haptic_accel.bags.facts import custom_data, facts_text
+from haptic_accel.bags.trial_metadata import custom_data, json_text
 from verbs import next_command, output_of, status_of
 
-FACTS = custom_data(facts_text({"surface": "vinyl", "bag": ""}, {"coupler": {"k_m": 250.0}}))
+CUSTOM = custom_data(json_text({"surface": "vinyl", "bag": ""}, {"coupler": {"k_m": 250.0}}))
 
 
 @pytest.fixture
@@ -25,8 +25,8 @@ def bag(tmp_path: Path) -> Path:
         Message("/said", STRING, START, b"one"),
         Message("/said", STRING, START + NANOSECONDS // 2, b"two"),
     ]
-    write_cut_off_bag(tmp_path / "killed", messages, custom=FACTS, flush_after=[1])
-    record_messages(tmp_path / "bag", messages, custom=FACTS).close()
+    write_cut_off_bag(tmp_path / "killed", messages, custom=CUSTOM, flush_after=[1])
+    record_messages(tmp_path / "bag", messages, custom=CUSTOM).close()
     return tmp_path / "bag"
 
 
@@ -80,7 +80,7 @@ def test_metadata_without_counts_of_each_file_is_no_damage(bag: Path) -> None:
 def test_a_second_recording_in_the_folder_is_named_and_no_damage(tmp_path: Path) -> None:
     for number, name in enumerate(("bag", "other")):
         messages = [Message("/said", STRING, START + n, b"one") for n in range(2)]
-        custom = custom_data(facts_text({"seed": number}, {}))
+        custom = custom_data(json_text({"seed": number}, {}))
         record_messages(tmp_path / name, messages, custom=custom).close()
     shutil.copy(tmp_path / "other" / "other_0.mcap", tmp_path / "bag")
     shown = output_of("bag", "info", tmp_path / "bag")

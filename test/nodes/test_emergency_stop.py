@@ -194,7 +194,7 @@ def test_a_release_that_waits_in_a_device_does_not_undo_a_stop(
 def test_a_stop_that_is_repeated_before_it_is_followed_is_followed_all_the_same() -> None:
     coupler = Coupler()
     coupler.stop.follow()  # as the peer's packets say
-    coupler.graph.tell()  # once a second
+    coupler.graph.report_state()  # once a second
     assert coupler.graph.follow()
     assert not coupler.graph.follow()
     assert coupler.told == [True]

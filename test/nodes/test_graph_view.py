@@ -17,7 +17,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.task import Future
 
 from fuzzing import ODD_TEXTS, fuzz
-from haptic_accel.nodes.graph_view import WANTED, RemoteParameters, admitted
+from haptic_accel.nodes.graph_view import NEEDED, RemoteParameters, admitted
 from haptic_accel.scope.server import as_json
 from haptic_accel.scope.state import EXPECTED, NodeReport, NodeReports, state_of
 from haptic_accel.scope.windows import GraphSettings
@@ -73,7 +73,7 @@ class Followed:
         self.changes = 0
         self.refused: list[str] = []
         node: Any = self.node
-        self.remote = RemoteParameters(node, name, WANTED[name], self._count, self.refused.append)
+        self.remote = RemoteParameters(node, name, NEEDED[name], self._count, self.refused.append)
 
     def _count(self) -> None:
         self.changes += 1
@@ -94,7 +94,7 @@ def text(value: str) -> ParameterValue:
 def answer_of(followed: Followed, **values: ParameterValue) -> None:
     """Let the node itself have values, and no others."""
     unset = ParameterValue(type=ParameterType.PARAMETER_NOT_SET)
-    followed.client.answer = [values.get(name, unset) for name in WANTED["compensator"]]
+    followed.client.answer = [values.get(name, unset) for name in NEEDED["compensator"]]
 
 
 @pytest.mark.parametrize("value", HOSTILE.values(), ids=HOSTILE)
@@ -102,7 +102,7 @@ def answer_of(followed: Followed, **values: ParameterValue) -> None:
 def test_a_value_that_a_parameter_cannot_have_is_refused_in_one_line(
     name: str, value: ParameterValue
 ) -> None:
-    known, refused = admitted("compensator", WANTED["compensator"], [(name, value)])
+    known, refused = admitted("compensator", NEEDED["compensator"], [(name, value)])
     assert known == {}
     (line,) = refused
     assert line.startswith(f"compensator: {name}: ")
@@ -174,8 +174,8 @@ values = st.one_of(
         string_array_value=st.lists(words, max_size=2),
     ),
 )
-nodes = st.sampled_from(list(WANTED))
-names = st.sampled_from(sorted({name for wanted in WANTED.values() for name in wanted}))
+nodes = st.sampled_from(list(NEEDED))
+names = st.sampled_from(sorted({name for wanted in NEEDED.values() for name in wanted}))
 odd_names = st.one_of(names, words, st.sampled_from(list(node_schema("compensator"))))
 events = st.tuples(st.just("event"), nodes, st.lists(st.tuples(odd_names, values), max_size=4))
 answers = st.tuples(st.just("answer"), nodes, st.lists(values, max_size=4))
@@ -201,7 +201,7 @@ reports = st.tuples(
 def test_after_any_messages_there_is_a_state_that_a_page_can_read(
     messages: list[tuple[str, str, Any]],
 ) -> None:
-    followed = {name: Followed(name) for name in WANTED}
+    followed = {name: Followed(name) for name in NEEDED}
     heard = NodeReports()
     begun = time.process_time()
     for kind, who, what in messages:

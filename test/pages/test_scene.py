@@ -36,7 +36,7 @@ class Bench(QuietGraph):
         self.place(0.0, 0.01)
 
     def place(self, x: float, z: float) -> None:
-        self.windows.places = {
+        self.windows.vectors = {
             "tool": (x, 0.0, max(z, 0.0)),
             "tool_velocity": (0.1, 0.0, 0.0),
             "handle": (x, 0.0, z),

@@ -60,10 +60,10 @@ def test_strokes_of_its_own_are_felt_until_it_is_led(rig: PacedRig) -> None:
 
     def lifted() -> bool:
         assert rig.lead(0.0, 0.06) == ""
-        return rig.windows.places["tool"][2] > 0.05
+        return rig.windows.vectors["tool"][2] > 0.05
 
     wait_until(lifted, "the tool is lifted")
-    assert rig.windows.places["contact_force"] == (0.0, 0.0, 0.0)
+    assert rig.windows.vectors["contact_force"] == (0.0, 0.0, 0.0)
 
 
 def test_a_controller_a_surface_and_a_grip_are_changed_while_it_runs(rig: PacedRig) -> None:

@@ -648,7 +648,7 @@ def test_a_page_that_plays_sound_receives_frames_more_often(
 
 def test_the_scene_is_served_and_places_to_who_asks(started: Started, source: Source) -> None:
     _, url = started()
-    source.windows.places = {"tool": (0.01, 0.0, -0.002), "handle": (0.0, 0.0, 0.01)}
+    source.windows.vectors = {"tool": (0.01, 0.0, -0.002), "handle": (0.0, 0.0, 0.01)}
 
     async def use(session: aiohttp.ClientSession) -> None:
         answer = await session.get(url.with_path("/scene"))

@@ -357,7 +357,7 @@ def test_another_axis_comes_with_all_of_the_longest_window() -> None:
 def test_what_a_page_may_not_receive_is_not_sent_though_it_asks() -> None:
     made, _, _ = filled(0.5)
     made.position.put(START, 1.0)
-    made.places = {"tool": (1.0, 0.0, 2.0), "handle": (3.0, 0.0, 4.0)}
+    made.vectors = {"tool": (1.0, 0.0, 2.0), "handle": (3.0, 0.0, 4.0)}
     cursor = Cursor(made, frozenset({"actual", "handle", "scene"}))
     for _ in range(2):
         frame = read_frame(cursor.frame() or b"")
@@ -365,7 +365,7 @@ def test_what_a_page_may_not_receive_is_not_sent_though_it_asks() -> None:
         cursor.choose(["position", "arm_force", "scene", "axis_x"])
         made.actual.put(made.actual.newest + MILLISECOND, 0.0)
     assert cursor.axis == made.axis
-    x_and_z = np.frombuffer(cursor.places() or b"", "<f4", offset=4)
+    x_and_z = np.frombuffer(cursor.vectors() or b"", "<f4", offset=4)
     assert x_and_z[np.isfinite(x_and_z)].tolist() == [3.0, 4.0]
 
 

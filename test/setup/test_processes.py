@@ -63,9 +63,9 @@ def test_beside_a_peer_each_host_has_its_arm_a_half_of_the_coupling_and_a_link(
     assert coupler.items() >= {**expected, "compensated": side == "master"}.items()
     link = {"side": side, "peer": "desk:7000", "transport": "udp", "keys": "/k", "insecure": False}
     assert processes["link"].parameters["link"] == link
-    facts = json.loads(processes["recorder"].parameters["recorder"]["facts"])
-    assert facts["arguments"].items() >= {"side": side, "peer": "desk:7000"}.items()
-    assert set(facts["parameters"]) == {f"{side}_device", "coupler", "link"} | (
+    metadata = json.loads(processes["recorder"].parameters["recorder"]["facts"])
+    assert metadata["arguments"].items() >= {"side": side, "peer": "desk:7000"}.items()
+    assert set(metadata["parameters"]) == {f"{side}_device", "coupler", "link"} | (
         {"compensator"} if side == "master" else set()
     )
 
@@ -399,8 +399,8 @@ def test_the_recorder_notes_every_file_by_its_absolute_path(here: Path) -> None:
     for name in ("a.yaml", "b.yaml"):
         Path(name).write_text("coupler: {ros__parameters: {k_m: 300.0}}")
     recorder = graph(GraphArguments(params_file="a.yaml,b.yaml"))[0]
-    facts = json.loads(recorder.parameters["recorder"]["facts"])
-    assert facts["arguments"]["params_file"] == f"{here}/a.yaml,{here}/b.yaml"
+    metadata = json.loads(recorder.parameters["recorder"]["facts"])
+    assert metadata["arguments"]["params_file"] == f"{here}/a.yaml,{here}/b.yaml"
 
 
 @pytest.mark.parametrize(

@@ -21,9 +21,9 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from haptic_accel.bags.facts import PREFIX
 from haptic_accel.bags.metadata import connection
 from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.bags.trial_metadata import PREFIX
 from haptic_accel.bags.writing import BagFiles
 from haptic_accel.core import topics
 from haptic_accel.core.axes import ACTUATOR_AXIS

@@ -16,9 +16,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from bag_maker import START, Message, diagnostics_bytes, record_messages
-from haptic_accel.bags.facts import custom_data, facts_text
 from haptic_accel.bags.reading import Bag
 from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.bags.trial_metadata import custom_data, json_text
 from haptic_accel.core.cdr import StampedVector
 from haptic_accel.core.topics import DIAGNOSTICS, SIGNALS
 
@@ -54,7 +54,7 @@ def write_small_bag(bag: Path, profile: str = "none") -> Path:
         messages,
         options=RecordingOptions(storage_preset_profile=profile),
         custom=custom_data(
-            facts_text({"surface": "vinyl", "latency": 1}, {"coupler": {"k_m": 2.5}})
+            json_text({"surface": "vinyl", "latency": 1}, {"coupler": {"k_m": 2.5}})
         ),
         flush_after=flush_after,
     ).close()

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from haptic_accel import run_trial
-from haptic_accel.bags.facts import custom_data, facts_text
 from haptic_accel.bags.trial_bag import trial_vectors, write_trial
+from haptic_accel.bags.trial_metadata import custom_data, json_text
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.trial import Trial
 
@@ -46,7 +46,7 @@ def write_bag(path: Path, rig: str = "paper", surface: str = "plywood", **more: 
     trial = run_trial("dynamic", rig=rig, surface=surface, **{"duration": 3.0} | more)
     arguments = {"surface": surface, "slave": "simulated", "rate": trial.rate, "rig": rig}
     arguments["controller"] = "dynamic"
-    write_trial(path, trial, custom_data(facts_text(arguments, {})), START)
+    write_trial(path, trial, custom_data(json_text(arguments, {})), START)
     return trial
 
 

@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 import bag_maker
-from haptic_accel.bags.facts import PREFIX
+from haptic_accel.bags.trial_metadata import PREFIX
 from haptic_accel.core import topics
 from haptic_accel.core.parameters import ParameterError
 

@@ -36,7 +36,7 @@ class PageRig:
         self.is_led = False
         self.led: list[tuple[float, float]] = []
         self.stops = 0
-        self.windows.places = {"handle": (0.0, 0.0, 0.01), "tool": (0.0, 0.0, 0.0)}
+        self.windows.vectors = {"handle": (0.0, 0.0, 0.01), "tool": (0.0, 0.0, 0.0)}
 
     def scene(self) -> dict[str, Any]:
         view = [[-0.1, 0.1], [-0.02, 0.08]]

@@ -167,7 +167,7 @@ def test_a_page_leads_the_hand_and_sees_the_scene(tmp_path: Path) -> None:
         for x in (0.01, 0.03):
             assert live.lead(x, 0.05) == ""
             wait_until(
-                lambda x=x: abs(live.windows.places["handle"][0] - x) < 5e-3, "the hand is there"
+                lambda x=x: abs(live.windows.vectors["handle"][0] - x) < 5e-3, "the hand is there"
             )
         presented = live.present(WHOLE, MOMENT)
     assert presented.desired_rms < 0.2  # in the air

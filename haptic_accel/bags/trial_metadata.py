@@ -41,34 +41,34 @@ def custom_data(text: str) -> dict[str, str]:
         The text is not a JSON object.
     """
     try:
-        given = json.loads(text or "{}")
+        read = json.loads(text or "{}")
     except ValueError:
-        given = None
-    if not isinstance(given, dict):
+        read = None
+    if not isinstance(read, dict):
         raise ParameterError("facts: must be a JSON object")
-    facts = {
+    texts = {
         VERSION: __version__,
-        ARGUMENTS: json.dumps(given.get(ARGUMENTS, {})),
-        PARAMETERS: json.dumps(given.get(PARAMETERS, {})),
+        ARGUMENTS: json.dumps(read.get(ARGUMENTS, {})),
+        PARAMETERS: json.dumps(read.get(PARAMETERS, {})),
         HOST: json.dumps(host()),
     }
-    return {PREFIX + name: value for name, value in facts.items()}
+    return {PREFIX + name: value for name, value in texts.items()}
 
 
-def facts_of(custom: Mapping[str, str]) -> dict[str, Any]:
+def read_custom_data(custom: Mapping[str, str]) -> dict[str, Any]:
     """Return metadata from a bag's custom data; text that is not JSON remains text."""
-    facts: dict[str, Any] = {}
+    found: dict[str, Any] = {}
     for key, value in custom.items():
         if (name := key.removeprefix(PREFIX)) == key:
             continue
         try:
-            facts[name] = value if name == VERSION else json.loads(value)
+            found[name] = value if name == VERSION else json.loads(value)
         except (ValueError, RecursionError):
-            facts[name] = value
-    return facts
+            found[name] = value
+    return found
 
 
-def facts_text(arguments: Mapping[str, Any], parameters: Mapping[str, Mapping[str, Any]]) -> str:
+def json_text(arguments: Mapping[str, Any], parameters: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the JSON text that `custom_data` reads."""
     return json.dumps({ARGUMENTS: dict(arguments), PARAMETERS: parameters})
 
@@ -98,13 +98,13 @@ def read_description(text: str) -> dict[str, Any]:
         The text is not a JSON object, or does not describe parameters of nodes.
     """
     try:
-        facts = json.loads(text)
+        found = json.loads(text)
     except RecursionError:
         raise ValueError("its lists are too deep") from None
-    nodes = facts.get(PARAMETERS) if isinstance(facts, dict) else None
+    nodes = found.get(PARAMETERS) if isinstance(found, dict) else None
     if not isinstance(nodes, dict) or not all(isinstance(own, dict) for own in nodes.values()):
         raise ValueError(f"must be a JSON object with {PARAMETERS!r} of nodes")
-    return dict(facts)
+    return dict(found)
 
 
 def host() -> dict[str, Any]:
