@@ -19,11 +19,11 @@ ROOTS = "roots"
 
 BUDGETS = {
     ROOTS: 130,
-    "core": 14_805,
+    "core": 14_690,
     "analysis": 4_042,
     "nodes": 3_921,
     "kits/study": 3_920,
-    "devices": 4_126,
+    "devices": 4_130,
     "cli": 3_024,
     "bags": 2_740,
     "scope": 1_360,
@@ -34,7 +34,7 @@ BUDGETS = {
     "kits/export": 930,
     "kits/link": 830,
     "kits/textures": 1_030,
-    "kits/bringup": 892,
+    "kits/bringup": 1_019,
     "kits/lerobot": 370,
     "links": 110,
     "pages": 40,

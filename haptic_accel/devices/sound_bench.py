@@ -22,7 +22,6 @@ from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes, read_numbers
 from haptic_accel.core.model import ZERO, FloatArray, Vector
 from haptic_accel.core.orientation import is_turned, to_base
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.signal_checks import MOST_HEARD
 from haptic_accel.devices import audio
 from haptic_accel.devices.interface import (
     LATER,
@@ -33,6 +32,10 @@ from haptic_accel.devices.interface import (
     Reading,
     Sample,
 )
+
+MOST_HEARD = 0.25
+"""Maximum response of the tool's accelerometer to a probing force or noise, relative to the
+handle's: a sensor that picks up the handle sustains the force."""
 
 NO_ARM = "none"
 """Name of the device without an arm."""

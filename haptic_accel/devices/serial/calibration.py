@@ -23,7 +23,9 @@ import numpy as np
 
 from haptic_accel.core.axes import NAMES
 from haptic_accel.core.model import GRAVITY, FloatArray
-from haptic_accel.core.signal_checks import STILL
+
+STILL = 0.3
+"""Maximum standard deviation of an accelerometer at rest, m/s^2; an ADXL320J has 0.07."""
 
 BLOCKS = 10
 """Number of blocks whose means give the standard error: the noise of samples is correlated."""

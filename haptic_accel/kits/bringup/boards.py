@@ -18,17 +18,23 @@ from typing import Any
 import numpy as np
 
 from haptic_accel import FloatArray
-from haptic_accel.core import signal_checks as checks
 from haptic_accel.core.model import ACTUATOR
-from haptic_accel.core.signal_checks import Check
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import DeviceError
 from haptic_accel.devices.audio import AUDIO, read_channels, recorded
 from haptic_accel.devices.observed import Force
-from haptic_accel.devices.serial.calibration import CalibrationError, calibrate, rest, vertical
+from haptic_accel.devices.serial.calibration import (
+    STILL,
+    CalibrationError,
+    calibrate,
+    rest,
+    vertical,
+)
 from haptic_accel.devices.serial.device import PortParameters
 from haptic_accel.devices.sound_calibration import by_gravity, check_level
 from haptic_accel.kits.bringup import bench as benches
+from haptic_accel.kits.bringup import signal_checks as checks
+from haptic_accel.kits.bringup.signal_checks import Check
 from haptic_accel.setup.files import EVERY_NODE, SEPARATOR, parameter_paths, read_parameter_file
 from haptic_accel.setup.node_parameters import SAFETY
 from haptic_accel.setup.rig_file import update_parameter_file
@@ -417,7 +423,7 @@ def _unplugged(bench: benches.Bench) -> list[Check]:
             return [gone, Check(False, "the board did not come back", "reset the board")]
         level = float(np.nanstd(device.last(REST).acceleration))
     quiet = Check(
-        level <= 2 * noise + checks.STILL,
+        level <= 2 * noise + STILL,
         f"no force by itself once it is back ({level:.2f} m/s^2)",
         "flash the board: its firmware must wait to be armed",
     )

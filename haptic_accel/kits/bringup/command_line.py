@@ -23,14 +23,14 @@ from haptic_accel import ParameterError, commands
 from haptic_accel.analysis.experiment import LOST_SHARE
 from haptic_accel.bags.delivery import AGE_OF
 from haptic_accel.cli.running import HOST
-from haptic_accel.core import signal_checks as checks
 from haptic_accel.core.process import FULL_SCALE, UNUSABLE, WRONG_ARGUMENTS
-from haptic_accel.core.signal_checks import Check
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import DeviceError
 from haptic_accel.kits.bringup import bench as benches
+from haptic_accel.kits.bringup import signal_checks as checks
 from haptic_accel.kits.bringup.bench import STEPS, BringUpArguments, BringUpError, Watched
 from haptic_accel.kits.bringup.boards import calibrate_boards, connect, make_safe
+from haptic_accel.kits.bringup.signal_checks import Check
 from haptic_accel.setup import rig_file
 
 TRIAL = 10

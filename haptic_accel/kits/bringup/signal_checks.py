@@ -10,13 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_accel.core.model import FloatArray
+from haptic_accel import FloatArray
+from haptic_accel.devices.serial.calibration import STILL
+from haptic_accel.devices.sound_bench import MOST_HEARD
 
 MOST_MISSING = 0.01
 """Maximum fraction of missing samples: identification omits trials with more."""
-
-STILL = 0.3
-"""Maximum standard deviation of an accelerometer at rest, m/s^2; an ADXL320J has 0.07."""
 
 CLIPPED = 3
 """Number of successive equal samples at the signal's extreme that indicate clipping."""
@@ -37,10 +36,6 @@ AUDIBLE = 3.0
 LINEAR = 0.7
 """Minimum ratio of the responses to the small and the large probing force, each per newton:
 friction holds a handle against small forces."""
-
-MOST_HEARD = 0.25
-"""Maximum response of the tool's accelerometer to a probing force or noise, relative to the
-handle's: a sensor that picks up the handle sustains the force."""
 
 QUIET_BLOCK = 0.01
 """Duration over which vibration is averaged to find its end, s."""

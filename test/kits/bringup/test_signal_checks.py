@@ -11,7 +11,7 @@ import math
 import numpy as np
 import pytest
 
-from haptic_accel.core import signal_checks
+from haptic_accel.kits.bringup import signal_checks
 
 RATE = 1000.0
 RANDOM = np.random.default_rng(0)
