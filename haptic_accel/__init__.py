@@ -18,15 +18,14 @@ True
 
 from __future__ import annotations
 
+from os.path import dirname, exists, join
+
 TYPE_CHECKING = False  # an emergency stop must not wait for typing
 if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
 __version__ = "0.3.0"
-
-_MODULES: dict[str, dict[str, str]] = {}
-"""Module of each public name, by its root."""
 
 
 def lazy_names(root: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
@@ -37,27 +36,27 @@ def lazy_names(root: str, file: str) -> tuple[Callable[[str], Any], Callable[[],
     root, file : str
         Name and file of the root. For type checkers, a stub in the same folder imports the names.
     """
+    known: dict[str, str] = {}
 
     def modules() -> dict[str, str]:
-        if root not in _MODULES:
+        if not known:
             from ast import ImportFrom, parse
 
             with open(f"{file}i", encoding="utf-8") as stub:
                 imports = [
                     each for each in parse(stub.read()).body if isinstance(each, ImportFrom)
                 ]
-            _MODULES[root] = {
-                name.name: str(each.module)
-                for each in imports
-                for name in each.names
-                if str(each.module).startswith(f"{__name__}.")
-            }
-        return _MODULES[root]
+            for each in imports:
+                # "X as X" is the form of a name to export.
+                known.update((name.name, each.module or "") for name in each.names if name.asname)
+        return known
 
     def load(name: str) -> Any:
         if name == "__all__":
             return sorted(modules())
-        if name.startswith("__") or name not in modules():
+        # Modules of the package itself import its modules, without a look into the stub.
+        is_module = exists(join(dirname(file), name)) or exists(join(dirname(file), f"{name}.py"))
+        if name.startswith("__") or is_module or name not in modules():
             raise AttributeError(f"module {root!r} has no attribute {name!r}")
         from importlib import import_module
 

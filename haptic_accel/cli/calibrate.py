@@ -20,8 +20,9 @@ from haptic_accel.core.axes import NAMES
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
-from haptic_accel.devices import DeviceError, sound_calibration
+from haptic_accel.devices import sound_calibration
 from haptic_accel.devices.audio import AUDIO, AudioParameters, recorded
+from haptic_accel.devices.interface import DeviceError
 from haptic_accel.devices.serial.calibration import (
     POSES,
     AxesCalibration,

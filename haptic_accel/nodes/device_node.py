@@ -20,7 +20,8 @@ from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import ACTUATOR, ARM, STOPPED, ArmSample, DeviceSide, SafetyLayer
-from haptic_accel.devices import MASTERS, SLAVES, DeviceError
+from haptic_accel.devices.interface import DeviceError
+from haptic_accel.devices.registry import MASTERS, SLAVES
 from haptic_accel.devices.sound_bench import NoArm
 from haptic_accel.nodes import crtk
 from haptic_accel.nodes.emergency_stop import DeviceStop

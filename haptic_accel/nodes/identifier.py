@@ -16,7 +16,7 @@ from haptic_accel.core.model import ACTUATOR, ZERO, Vector
 from haptic_accel.core.process import REPEAT, TOO_STRONG, tell_supervisor
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import STOPPED, TravelEstimator
-from haptic_accel.devices import DeviceError
+from haptic_accel.devices.interface import DeviceError
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.timing import ArrivalKeeper

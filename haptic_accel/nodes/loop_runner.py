@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.tick import HostLoop
 from haptic_accel.core.topics import ARMS
-from haptic_accel.devices import DeviceError
+from haptic_accel.devices.interface import DeviceError
 from haptic_accel.nodes.timing import (
     FORCES_TIME,
     RECEIVING_TIME,

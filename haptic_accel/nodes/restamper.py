@@ -23,7 +23,7 @@ from haptic_accel.core.model import Vector
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick.histogram import DurationHistogram
 from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS, Topic
-from haptic_accel.devices import DeviceError
+from haptic_accel.devices.interface import DeviceError
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.signals import Publishers, Sender

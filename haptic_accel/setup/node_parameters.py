@@ -35,8 +35,9 @@ from haptic_accel.core.parameters import (
     shown,
 )
 from haptic_accel.core.topics import ARMS
-from haptic_accel.devices import MASTERS, SLAVES, Device, audio
-from haptic_accel.devices.interface import MASTERS_GROUP, SLAVES_GROUP
+from haptic_accel.devices import audio
+from haptic_accel.devices.interface import MASTERS_GROUP, SLAVES_GROUP, Device
+from haptic_accel.devices.registry import MASTERS, SLAVES
 from haptic_accel.devices.sound_bench import NO_ARM, BenchOutput, CardAccelerometer
 from haptic_accel.links.addresses import LinkNodeParameters
 

@@ -23,8 +23,9 @@ from haptic_accel.core.identification.sweep import repeat_samples
 from haptic_accel.core.outside import node_module
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import WELL, WRONG_ARGUMENTS
-from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.audio import AUDIO
+from haptic_accel.devices.interface import DeviceError
+from haptic_accel.devices.registry import MASTERS, SLAVES
 from haptic_accel.devices.simulated import played
 from haptic_accel.setup import arguments as names
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments

@@ -21,7 +21,7 @@ from foreign_packages import declare
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.process import module_command
-from haptic_accel.devices import RESERVED
+from haptic_accel.devices.registry import RESERVED
 from haptic_accel.setup.arguments import PLAYED_TOPICS
 from haptic_accel.setup.node_parameters import NODES
 from nightly import rest_slow
