@@ -40,7 +40,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, same_rate
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.trial import run_identification
-from haptic_accel.materials.columns import ACCELERATION, FORCE, Column, Wording
+from haptic_accel.materials.columns import ACCELERATION, FORCE, ColumnChoice, Wording
 from haptic_accel.materials.recordings import read_columns
 from haptic_accel.setup.arguments import AVERAGE_GRIP, IdentifyArguments
 from haptic_accel.setup.setup import Setup
@@ -246,7 +246,7 @@ def read_recordings(
             samples, rate = read_columns(
                 path,
                 recording_rate,
-                [Column((name,), quantity) for name, quantity in COLUMNS.items()],
+                [ColumnChoice((name,), quantity) for name, quantity in COLUMNS.items()],
                 Wording("recording_rate", ""),
                 arguments.rate,
             )

@@ -521,7 +521,7 @@ def _named_rows(names: Sequence[str], x: str, square: bool = False) -> tuple[Fig
     return figure, panel
 
 
-def save(plots: Mapping[str, Figure], folder: Path) -> Iterator[str]:
+def save_plots(plots: Mapping[str, Figure], folder: Path) -> Iterator[str]:
     """Write plots by name as PNG and PDF; yield the file names."""
     with mpl.rc_context(EMBEDDED):
         for name, figure in plots.items():

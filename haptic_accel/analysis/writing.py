@@ -306,7 +306,7 @@ def write_analysis(
     if comparison:
         tables["comparison.csv"] = comparison.frame
     tables = {name: table for name, table in tables.items() if len(table)} | dict(files or {})
-    written = [*plots.save(_plots(analysis), folder), *tables]
+    written = [*plots.save_plots(_plots(analysis), folder), *tables]
     for name, table in tables.items():
         # Names of bags may contain undecodable bytes.
         (folder / name).write_text(csv_text(table), encoding="utf-8", errors="backslashreplace")

@@ -33,7 +33,7 @@ from haptic_accel.devices.serial.calibration import (
     calibrate_axes,
     rest,
 )
-from haptic_accel.devices.serial.device import HIGHEST_RATE, PortParameters
+from haptic_accel.devices.serial.device import HIGHEST_BOARD_RATE, PortParameters
 from haptic_accel.devices.sound_bench import NO_ARM
 from haptic_accel.setup.files import EVERY_NODE, parameter_text
 from haptic_accel.setup.rig_file import check_updatable, teleoperation_words, update_parameter_file
@@ -253,7 +253,7 @@ class CalibrateArguments(PortParameters):
     seconds: float = parameter(
         2.0, "time to measure in each position", unit="s", low=0.1, high=600.0
     )
-    rate: int = parameter(1000, "samples per second", unit="Hz", low=100, high=HIGHEST_RATE)
+    rate: int = parameter(1000, "samples per second", unit="Hz", low=100, high=HIGHEST_BOARD_RATE)
     force_constant: float = parameter(
         ActuatorParameters.force_constant,
         "force constant of the master's actuator, from its data sheet (H2W NCM02-05-005-4JB: 2.4)",

@@ -29,9 +29,6 @@ from haptic_accel.graph.supervisor import Outcome, Supervisor
 from haptic_accel.setup.processes import Process, arrangement
 from haptic_accel.setup.setup import LINK, SCOPE
 
-HOST = "127.0.0.1"
-"""Address of the page, reachable from this machine only."""
-
 
 def show_page(address: str, *, opened: bool = True) -> None:
     """Print the address of a page, and open it in a browser if there is a screen."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 import click
 
 from haptic_accel.cli.options import verb
-from haptic_accel.cli.running import HOST, show_page, stop_on_signal
-from haptic_accel.scope.access import Access
+from haptic_accel.cli.running import show_page, stop_on_signal
+from haptic_accel.scope.access import LOCAL_HOST, Access
 from haptic_accel.scope.paced_rig import PacedRig
 from haptic_accel.scope.server import ScopeServer
 
@@ -29,7 +29,7 @@ def touch(surface: str, rig: str, port: int, opened: bool) -> None:
     no ROS.
     """
     touched = PacedRig(surface, rig)
-    server = ScopeServer(touched, Access(HOST, ""), HOST, port, touched.act)
+    server = ScopeServer(touched, Access(LOCAL_HOST, ""), LOCAL_HOST, port, touched.act)
     with stop_on_signal() as stop:
         show_page(server.start(), opened=opened)
         touched.run(stop)

@@ -34,7 +34,7 @@ ATTEMPTS = 3
 CATCH_UP = 0.1
 """Longest pause whose missed ticks are still sampled, s."""
 
-Force = Callable[[float], float]
+ForceOverTime = Callable[[float], float]
 """Function from a time, s, to the actuator's force, N."""
 
 Prepare = Callable[[], None]
@@ -97,7 +97,7 @@ class ObservedDevice:
         length = round(KEPT * rate)
         self._samples: deque[tuple[int, float, tuple[float, ...]]] = deque(maxlen=length)
         self._forces: deque[tuple[int, float]] = deque(maxlen=length)
-        self._force: Force | None = None
+        self._force: ForceOverTime | None = None
         self._tick = self._began = 0
         self._lock = threading.Lock()
         self._ending = threading.Event()
@@ -142,7 +142,7 @@ class ObservedDevice:
             newest = self._samples[-1][0] if self._samples else self._began
         return time.monotonic() - newest / self._rate
 
-    def drive(self, force: Force | None) -> None:
+    def drive(self, force: ForceOverTime | None) -> None:
         """Command the actuator's force for each sample from now on; None for no commands."""
         self._force = force
 

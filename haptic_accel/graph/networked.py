@@ -23,7 +23,7 @@ from haptic_accel.core.process import module_command
 from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
 from haptic_accel.graph.relaying import CHANGED, PORTS, assignments_of
 from haptic_accel.graph.stop_signal import own_domain, used_domains
-from haptic_accel.links.addresses import bound
+from haptic_accel.links import bound
 from haptic_accel.setup.arguments import SIMULATED, SURFACES, GraphArguments, check_both_arms
 from haptic_accel.setup.processes import Process, graph
 

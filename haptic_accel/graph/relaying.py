@@ -21,7 +21,7 @@ from haptic_accel.core.network.channel import Channel, ChannelParameters
 from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
 from haptic_accel.core.process import ENDING, WRONG_ARGUMENTS
 from haptic_accel.graph.stop_signal import hurry
-from haptic_accel.links.addresses import UDP, Route, bound, route
+from haptic_accel.links import UDP, Route, bound, route
 from haptic_accel.setup.words import given_keys, parse_words
 
 RISE = 1.0
@@ -137,7 +137,7 @@ END_CHECK_PERIOD = 0.1
 CHANGED = "network: "
 """Prefix of the line that reports the network, at the start and after each change."""
 
-PRIORITY = 41
+RELAY_PRIORITY = 41
 """Real-time priority of the relay, above the nodes', as a real network does not wait for them."""
 
 PORTS = 7200, 7210
@@ -196,7 +196,7 @@ def changed(network: ChannelParameters, assignments: Iterable[str]) -> ChannelPa
     return replace(network, **{name: getattr(parsed, name) for name in given_keys(assignments)})
 
 
-def opened(arguments: RelayArguments) -> Relay:
+def open_relay(arguments: RelayArguments) -> Relay:
     """Return a relay with open ports.
 
     Raises
@@ -211,7 +211,7 @@ def opened(arguments: RelayArguments) -> Relay:
     return Relay(routes, arguments.network, arguments.seed)
 
 
-def serve(
+def serve_relay(
     relay: Relay,
     say: Callable[[str], object],
     ended: Callable[[], bool],
@@ -271,9 +271,9 @@ def main() -> None:
         signal.signal(number, lambda number, _: numbers.append(number))
     parent = os.getppid()
     try:
-        relay = opened(parse_words(sys.argv[1:], RelayArguments))
-        hurry(PRIORITY)
-        serve(
+        relay = open_relay(parse_words(sys.argv[1:], RelayArguments))
+        hurry(RELAY_PRIORITY)
+        serve_relay(
             relay,
             lambda line: print(line, flush=True),
             lambda: bool(numbers) or os.getppid() != parent,

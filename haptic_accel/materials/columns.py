@@ -158,7 +158,7 @@ class Wording:
 
 
 @dataclass(frozen=True)
-class Column:
+class ColumnChoice:
     """Column to read: its names in order of preference, and its quantity."""
 
     names: Sequence[str]
@@ -177,7 +177,7 @@ def time_unit(title: str) -> str:
     return next((each for each in (unit, unit.casefold(), whole) if each in TIME.units), "")
 
 
-def chosen(file: str, column: Column, titles: Sequence[str], wording: Wording) -> int:
+def chosen(file: str, column: ColumnChoice, titles: Sequence[str], wording: Wording) -> int:
     """Return the index of a requested column.
 
     Raises
@@ -430,7 +430,11 @@ _MARKS = {codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 
 
 def read_csv(
-    name: str, file: io.BufferedReader, columns: Sequence[Column], rate: float, wording: Wording
+    name: str,
+    file: io.BufferedReader,
+    columns: Sequence[ColumnChoice],
+    rate: float,
+    wording: Wording,
 ) -> tuple[list[FloatArray], float]:
     """Return columns of numbers in SI units, and the sampling rate.
 
@@ -502,7 +506,7 @@ class _Table:
         return [str(number + 1) for number in range(count)]
 
     def read(
-        self, columns: Sequence[Column], rate: float, wording: Wording
+        self, columns: Sequence[ColumnChoice], rate: float, wording: Wording
     ) -> tuple[list[FloatArray], float]:
         """Return the columns and the sampling rate; see `read_csv`."""
         rows = ((self._line, row) for row in self._rows if any(row))
@@ -544,7 +548,7 @@ class _Table:
             or is_time(title, np.array([_plain(_field(row, index)) for _, row in first]))
         ]
 
-    def _chosen(self, column: Column, times: Sequence[int], wording: Wording) -> int:
+    def _chosen(self, column: ColumnChoice, times: Sequence[int], wording: Wording) -> int:
         """Return the index of a column; without titles, the only column that is not times."""
         left = [index for index in range(len(self._titles)) if index not in times]
         is_numbered = all(map(str.isdecimal, self._titles))

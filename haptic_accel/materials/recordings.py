@@ -320,7 +320,7 @@ def read_samples(
             check_rate(name, own_rate, recording_rate, wording)
             found = [_scaled(name, each, full_scale, assumed) for each in channels]
         else:
-            columns = [tables.Column((each,) if each else tables.COLUMNS) for each in names]
+            columns = [tables.ColumnChoice((each,) if each else tables.COLUMNS) for each in names]
             found, own_rate = tables.read_csv(name, file, columns, recording_rate, wording)
     labels = [f"{name}: {each}" if each else name for each in names]
     samples, own_rate = _signals(name, labels, found, own_rate, wording)
@@ -331,7 +331,7 @@ def read_samples(
 def read_columns(
     path: str | os.PathLike[str],
     recording_rate: float,
-    columns: Sequence[tables.Column],
+    columns: Sequence[tables.ColumnChoice],
     wording: tables.Wording,
     assumed_rate: float = 0.0,
 ) -> tuple[FloatArray, float]:
@@ -342,7 +342,7 @@ def read_columns(
     path : str or path-like
     recording_rate : float
         Samples per second, Hz; 0 to use the file's times.
-    columns : sequence of Column
+    columns : sequence of ColumnChoice
     wording : Wording
         Names of the arguments in messages.
     assumed_rate : float

@@ -18,14 +18,14 @@ from haptic_accel.core import topics
 from haptic_accel.core.cdr import unpack_orientation
 from haptic_accel.core.control.compensation import PLANT, Compensation
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.control.fallback import NONE
+from haptic_accel.core.control.fallback import NO_CONTROLLER
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.orientation import Orientation
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.reduction import NO_REDUCTION
 from haptic_accel.core.tick import ArmSample, CompensatedSample, CompensationPart
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import run_nodes
 from haptic_accel.nodes.timing import CATCH_UP, COIL_PRIORITY, ArrivalKeeper
 
 FROZEN = "adaptive.frozen"
@@ -113,7 +113,7 @@ class Compensator(GraphNode):
             self._failure = failure
             if failure:
                 self.get_logger().error(failure)
-                self.set_parameters([Parameter("controller", value=NONE)])
+                self.set_parameters([Parameter("controller", value=NO_CONTROLLER)])
 
     def close(self) -> None:
         """Leave the actuator without force."""
@@ -162,7 +162,7 @@ class Compensator(GraphNode):
 
 def main() -> None:
     """Run the node."""
-    run("compensator", Compensator, priority=COIL_PRIORITY)
+    run_nodes("compensator", Compensator, priority=COIL_PRIORITY)
 
 
 if __name__ == "__main__":

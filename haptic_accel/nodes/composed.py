@@ -12,16 +12,16 @@ from __future__ import annotations
 from haptic_accel.nodes.compensator import Compensator
 from haptic_accel.nodes.coupler import Coupler
 from haptic_accel.nodes.loop_runner import join
-from haptic_accel.nodes.master_device import master_device
-from haptic_accel.nodes.scheduling import run
-from haptic_accel.nodes.slave_device import slave_device
+from haptic_accel.nodes.master_device import build_master_device
+from haptic_accel.nodes.scheduling import run_nodes
+from haptic_accel.nodes.slave_device import build_slave_device
 
 
 def main() -> None:
     """Run the nodes."""
     # The order of lockstep: the master is sampled first, then the slave; the resulting forces are
     # due at the next tick.
-    run("composed", master_device, slave_device, Coupler, Compensator, join=join)
+    run_nodes("composed", build_master_device, build_slave_device, Coupler, Compensator, join=join)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from haptic_accel.core.tick import ArmSample, CoupledForces
 from haptic_accel.core.topics import ARMS
 from haptic_accel.nodes.emergency_stop import CouplerStop
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import run_nodes
 from haptic_accel.nodes.signals import Inbox, Samples
 from haptic_accel.nodes.timing import CATCH_UP, ArrivalKeeper
 from haptic_accel.setup.node_parameters import PASSIVE
@@ -375,7 +375,7 @@ class Coupler(CouplingNode):
 
 def main() -> None:
     """Run the node."""
-    run("coupler", Coupler)
+    run_nodes("coupler", Coupler)
 
 
 if __name__ == "__main__":

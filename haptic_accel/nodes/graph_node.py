@@ -49,9 +49,9 @@ from haptic_accel.setup.files import FORMER, check_reached, present_values
 from haptic_accel.setup.node_parameters import (
     NODES,
     USE_SIM_TIME,
+    build_parameters,
     check_clock,
     declared_schema,
-    node_parameters,
     node_schema,
 )
 
@@ -104,7 +104,7 @@ class DeclaredParameters:
     ) -> None:
         self._node, self._apply, self._note = node, change, note
         values = self._overrides()
-        self.own, self.options = node_parameters(executable, values)
+        self.own, self.options = build_parameters(executable, values)
         self.schema = declared_schema(executable, self.own)
         self._others = node_schema(executable).keys() - self.schema
         self._changeable = changeable(self.own)

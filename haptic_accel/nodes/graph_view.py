@@ -38,7 +38,7 @@ from haptic_accel.scope.windows import LARGEST_VALUE, GraphSettings, Windows
 from haptic_accel.setup.arguments import POINTER
 from haptic_accel.setup.arguments import SCENE as SCENE_FILE
 from haptic_accel.setup.files import POSTURE, SURFACE
-from haptic_accel.setup.node_parameters import node_parameters, node_schema
+from haptic_accel.setup.node_parameters import build_parameters, node_schema
 
 SIGNALS = {
     "tool": topics.SLAVE_POSITION,
@@ -425,7 +425,7 @@ class GraphView(GraphNode):
         with suppress(ParameterError):  # a node of another version
             if known:
                 axes = Axes.parsed(str(known.get("axes", "z")))
-                own, options = node_parameters("compensator", known)
+                own, options = build_parameters("compensator", known)
                 plant: Plant = options[PLANT]
                 settings = GraphSettings(
                     *(own.high_pass_frequency, options[ACTUATOR], own.latency),

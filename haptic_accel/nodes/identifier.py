@@ -18,7 +18,7 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import STOPPED, TravelEstimator
 from haptic_accel.devices.interface import DeviceError
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import run_nodes
 from haptic_accel.nodes.timing import ArrivalKeeper
 
 CHECK_PERIOD = 0.1
@@ -196,7 +196,7 @@ class Identifier(GraphNode):
 
 def main() -> None:
     """Run the node."""
-    run("identifier", Identifier)
+    run_nodes("identifier", Identifier)
 
 
 if __name__ == "__main__":

@@ -118,7 +118,7 @@ def _assigned(request: Request) -> Iterator[tuple[str, Any]]:
 
 
 @contextmanager
-def joined_view(
+def open_joined_view(
     namespace: str, name: str, begin: Callable[[GraphView], None]
 ) -> Iterator[JoinedView]:
     """Join the graph of a namespace, running or not, while the context is entered.

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 from haptic_accel.nodes.device_node import DeviceNode
 from haptic_accel.nodes.loop_runner import join
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import run_nodes
 
 
-def master_device() -> DeviceNode:
+def build_master_device() -> DeviceNode:
     """Return the device node of the master, which also applies the actuator's force."""
     return DeviceNode("master_device")
 
 
 def main() -> None:
     """Run the node."""
-    run("master_device", master_device, join=join)
+    run_nodes("master_device", build_master_device, join=join)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ from haptic_accel.core.bundles import DUPLICATE_MEMORY, BothWays, InOrder, belie
 from haptic_accel.core.process import RECORDED, tell_supervisor
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import run_nodes
 from haptic_accel.nodes.signals import Inbox, participant
 from haptic_accel.nodes.supervised_node import message_type, offered_quality, quality
 from haptic_accel.nodes.timing import RECORDING_PRIORITY
@@ -467,7 +467,7 @@ def _requested(offered: Sequence[QoSProfile]) -> QoSProfile:
 
 def main() -> None:
     """Run the node."""
-    run("recorder", Recorder, niceness=NICENESS, priority=RECORDING_PRIORITY)
+    run_nodes("recorder", Recorder, niceness=NICENESS, priority=RECORDING_PRIORITY)
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ from haptic_accel.core.tick.histogram import DurationHistogram
 from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS, Topic
 from haptic_accel.devices.interface import DeviceError
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import run_nodes
 from haptic_accel.nodes.signals import Publishers, Sender
 from haptic_accel.nodes.timing import system_time
 
@@ -272,7 +272,7 @@ class StampShift:
 
 def main() -> None:
     """Run the node."""
-    run("restamper", Restamper)
+    run_nodes("restamper", Restamper)
 
 
 if __name__ == "__main__":

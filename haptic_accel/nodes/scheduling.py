@@ -171,7 +171,7 @@ class StopPoll:
 Join = Callable[[Sequence[Any]], Worker]
 
 
-def run(
+def run_nodes(
     name: str,
     *builds: Build,
     join: Join | None = None,

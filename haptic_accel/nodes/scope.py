@@ -20,7 +20,7 @@ from haptic_accel.nodes import graph_requests as requests
 from haptic_accel.nodes.emergency_stop import STOP_SERVICES, release
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.graph_view import GraphView
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import run_nodes
 from haptic_accel.nodes.service_client import Request, RequestError, ServiceClient
 from haptic_accel.scope import state
 from haptic_accel.scope.access import TOKEN_VARIABLE, Access
@@ -184,7 +184,7 @@ class Scope(GraphView):
 
 def main() -> None:
     """Run the node, with the priority of the stop command, as its page can stop a graph, too."""
-    run("scope", Scope, priority=PRIORITY)
+    run_nodes("scope", Scope, priority=PRIORITY)
 
 
 if __name__ == "__main__":

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 from haptic_accel.nodes.device_node import DeviceNode
 from haptic_accel.nodes.loop_runner import join
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import run_nodes
 
 
-def slave_device() -> DeviceNode:
+def build_slave_device() -> DeviceNode:
     """Return the device node of the slave."""
     return DeviceNode("slave_device")
 
 
 def main() -> None:
     """Run the node."""
-    run("slave_device", slave_device, join=join)
+    run_nodes("slave_device", build_slave_device, join=join)
 
 
 if __name__ == "__main__":

@@ -26,6 +26,9 @@ TOKEN_LETTERS = "ASCII letters, digits and - . _ ~"
 
 LOCALHOST = "localhost"
 
+LOCAL_HOST = "127.0.0.1"
+"""Address of a page that is reachable from this machine only."""
+
 
 class Access:
     """Rules for requests; all other requests are refused.

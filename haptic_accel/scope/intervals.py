@@ -18,7 +18,7 @@ from haptic_accel.core.sampling import NANOSECONDS, IntArray, grid_indices
 from haptic_accel.core.tick.device_side import LATE_TIME
 from haptic_accel.scope.windows import Windows, paired
 
-MARGIN = 0.25
+INTERVAL_MARGIN = 0.25
 """Time before and after an interval that is filtered together with it, s: a period of the filter's
 corner frequency (5 Hz), to remove the hand's motion from short intervals, too."""
 
@@ -60,13 +60,13 @@ def measure(windows: Windows, begin: int, end: int, rate: float) -> IntervalMeas
     Parameters
     ----------
     windows : Windows
-        Signals from `MARGIN` before the interval to `MARGIN` after it.
+        Signals from `INTERVAL_MARGIN` before the interval to `INTERVAL_MARGIN` after it.
     begin, end : int
         System times, ns.
     rate : float
         Samples per second.
     """
-    settings, margin = windows.settings, round(MARGIN * NANOSECONDS)
+    settings, margin = windows.settings, round(INTERVAL_MARGIN * NANOSECONDS)
     stamps, handle = _signal(windows, "handle", begin - margin, end + margin)
     desired_stamps, desired_values = _signal(windows, "desired", begin - margin, end + margin)
     _, forces = _signal(windows, "force", begin, end)

@@ -117,7 +117,7 @@ LEAST_VIBRATION = 0.5
 """RMS of the desired acceleration below which the tool counts as touching nothing, m/s^2: motion
 in the air gives 0.2, and dragging over the paper's smoothest surface 1.3."""
 
-CHANGING = LISTENING + FADING
+CONTROLLER_CHANGE_TIME = LISTENING + FADING
 """Time from the choice of a controller until it alone computes the force, s."""
 
 CLOUD_POINTS = 800
@@ -296,7 +296,7 @@ class Windows:
     def restart_comparison(self) -> None:
         """Restrict the comparison to samples from now on, as after a change."""
         self._lowest = LowestError()
-        self._compared_from = self.handle.newest + int(CHANGING * NANOSECONDS)
+        self._compared_from = self.handle.newest + int(CONTROLLER_CHANGE_TIME * NANOSECONDS)
 
     def leave_out(self, duration: int) -> None:
         """Restart the comparison after a gap of `duration` in the stamps, ns."""

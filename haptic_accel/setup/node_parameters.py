@@ -39,7 +39,7 @@ from haptic_accel.devices import audio
 from haptic_accel.devices.interface import MASTERS_GROUP, SLAVES_GROUP, Device
 from haptic_accel.devices.registry import MASTERS, SLAVES
 from haptic_accel.devices.sound_bench import NO_ARM, BenchOutput, CardAccelerometer
-from haptic_accel.links.addresses import LinkNodeParameters
+from haptic_accel.links import LinkNodeParameters
 
 SAFETY = "safety"
 """Name of a device node's safety limits among its devices' parameters."""
@@ -279,7 +279,7 @@ def declared_schema(executable: str, own: Any) -> Mapping[str, tuple[Any, Specif
     return {name: each for name, each in known if name.partition(".")[0] not in unused}
 
 
-def node_parameters(executable: str, values: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
+def build_parameters(executable: str, values: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
     """Build the parameters of a node, and of its options by name.
 
     Parameters
@@ -311,7 +311,7 @@ def build_device(executable: str, own: Any, options: Mapping[str, Any]) -> Devic
     executable : str
         ``master_device`` or ``slave_device``.
     own, options
-        Result of `node_parameters`.
+        Result of `build_parameters`.
 
     Raises
     ------

@@ -26,7 +26,13 @@ from haptic_accel.materials.folders import config_folder, is_recording, preset_f
 from haptic_accel.setup import arguments as names
 from haptic_accel.setup import files
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.setup.node_parameters import NODES, PASSIVE, SAFETY, node_parameters, node_schema
+from haptic_accel.setup.node_parameters import (
+    NODES,
+    PASSIVE,
+    SAFETY,
+    build_parameters,
+    node_schema,
+)
 
 RECORDER = "recorder"
 """Executable that writes the bag."""
@@ -69,7 +75,7 @@ class Parameters:
         ParameterError
             A value is not allowed.
         """
-        return node_parameters(name, self.values.get(name, {}))
+        return build_parameters(name, self.values.get(name, {}))
 
     def rig(self) -> RigParameters:
         """Return the virtual rig of the simulated devices.
@@ -202,7 +208,7 @@ def _resolved(arguments: Arguments) -> files.Values:
         _warn_of_unknown_plant(values, [content for _, content in named])
     values["identifier"] = _known_handle(arguments, values) | values["identifier"]
     if side := getattr(arguments, "side", ""):
-        _, device = node_parameters(f"{side}_device", values[f"{side}_device"])
+        _, device = build_parameters(f"{side}_device", values[f"{side}_device"])
         values["coupler"]["recovery"] = device[SAFETY].recovery
     return values
 
@@ -240,7 +246,7 @@ def _known_handle(arguments: Arguments, values: files.Values) -> dict[str, Any]:
     """Return the identifier's parameters of a handle; a simulated handle needs no measurement."""
     if arguments.master not in (names.SIMULATED, names.POINTER):
         return {"axes": values["compensator"].get("axes", CompensationParameters.axes)}
-    _, devices = node_parameters("master_device", values["master_device"])
+    _, devices = build_parameters("master_device", values["master_device"])
     simulated = devices[names.SIMULATED]
     sensor = asdict(simulated.accelerometer)
     known = {f"accelerometer.{name}": value for name, value in sensor.items()}

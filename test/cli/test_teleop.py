@@ -279,7 +279,7 @@ def test_nodes_end_when_their_supervisor_is_killed(haptic_accel: Start, domain: 
 ABORTING = """
 import ctypes, os
 from haptic_accel.nodes.coupler import Coupler
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import run_nodes
 
 class Aborting(Coupler):
     def work(self):
@@ -291,7 +291,7 @@ class Aborting(Coupler):
         lock, take = ctypes.create_string_buffer(64), ctypes.PyDLL(None).pthread_mutex_lock
         {}
 
-run("coupler", Aborting)
+run_nodes("coupler", Aborting)
 """
 
 

@@ -31,7 +31,7 @@ from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.trial import Trial, run_identification, run_trial
 from haptic_accel.setup.arguments import GraphArguments
-from haptic_accel.setup.node_parameters import node_parameters
+from haptic_accel.setup.node_parameters import build_parameters
 from haptic_accel.setup.setup import Setup
 
 SURFACES = ("plywood", "text", "vinyl")
@@ -271,7 +271,7 @@ def test_with_a_latency_that_the_design_knows_the_handle_follows(
 
 def options_of(rig: str) -> dict[str, Checked]:
     values = Setup.of(GraphArguments(rig=rig)).values
-    return node_parameters("compensator", values["compensator"])[1]
+    return build_parameters("compensator", values["compensator"])[1]
 
 
 # Parameters

@@ -16,7 +16,7 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, from_flat, parameter
 from haptic_accel.devices import MASTERS, SLAVES, Device, DeviceError, Sample
 from haptic_accel.devices.interface import LATER, CombinedDevice, CombinedTool, combined
-from haptic_accel.setup.node_parameters import node_parameters
+from haptic_accel.setup.node_parameters import build_parameters
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ def test_a_part_that_is_not_there_is_named_and_both_are_closed(devices: dict) ->
         "can.start_timeout": 0.1,
         "serial.port": "/dev/none",
     }
-    _, options = node_parameters(side, values)
+    _, options = build_parameters(side, values)
     device = devices["can_serial"].from_options("can_serial", options, 1000.0, 0)
     with pytest.raises((RuntimeError, ParameterError), match="can: virtual nobody: no heartbeat"):
         device.open()

@@ -35,7 +35,7 @@ from haptic_accel.devices.audio import (
     recorded,
 )
 from haptic_accel.devices.interface import DeviceError, NoParameters
-from haptic_accel.setup.node_parameters import build_device, node_parameters
+from haptic_accel.setup.node_parameters import build_device, build_parameters
 from nightly import rest_slow
 from running import Command, nodes_of, wait_until
 from sound_cards import SOUND_RIG, sound_world
@@ -227,7 +227,7 @@ def test_a_card_whose_server_is_gone_holds_nothing_up(monkeypatch: pytest.Monkey
 
 
 def test_no_arm_without_accelerometers_is_refused() -> None:
-    own, options = node_parameters("slave_device", {"device": "none"})
+    own, options = build_parameters("slave_device", {"device": "none"})
     with pytest.raises(
         ParameterError, match="device = none: must come with accelerometers:=audio"
     ):

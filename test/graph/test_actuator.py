@@ -19,7 +19,7 @@ from haptic_accel.core.tick import ActuatorGuard, SafetyLayer
 from haptic_accel.devices.serial.device import SerialMaster
 from haptic_accel.devices.simulated import SimulatedMaster
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.setup.node_parameters import SAFETY, node_parameters
+from haptic_accel.setup.node_parameters import SAFETY, build_parameters
 from haptic_accel.setup.setup import Setup
 from one_coil import OneCoil
 
@@ -68,13 +68,13 @@ def test_every_number_of_the_coil_differs_from_the_papers() -> None:
 def test_one_block_describes_the_actuator_to_every_node(file: Path, rig: str) -> None:
     values = Setup.of(GraphArguments(params_file=str(file), rig=rig)).values
     suspension = (COIL.m_a, COIL.k_s, COIL.b_s)
-    _, master = node_parameters("master_device", values["master_device"])
-    _, compensator = node_parameters("compensator", values["compensator"])
+    _, master = build_parameters("master_device", values["master_device"])
+    _, compensator = build_parameters("compensator", values["compensator"])
     assert master[SAFETY].hardware == compensator[ACTUATOR] == COIL
     assert master["simulated"].actuator == master["serial"].actuator == COIL
     for handle in (compensator[PLANT].handle, master["simulated"].handle):
         assert (handle.m_a, handle.k_s, handle.b_s) == suspension
-    _, identifier = node_parameters(
+    _, identifier = build_parameters(
         "identifier", Setup.of(IdentifyArguments(params_file=str(file))).values["identifier"]
     )
     assert identifier[ACTUATOR] == COIL
@@ -82,8 +82,8 @@ def test_one_block_describes_the_actuator_to_every_node(file: Path, rig: str) ->
 
 def test_all_that_drives_or_limits_the_coil_uses_it(file: Path) -> None:
     values = Setup.of(GraphArguments(params_file=str(file), controller="constant")).values
-    _, master = node_parameters("master_device", values["master_device"])
-    own, options = node_parameters("compensator", values["compensator"])
+    _, master = build_parameters("master_device", values["master_device"])
+    own, options = build_parameters("compensator", values["compensator"])
 
     layer = SafetyLayer(master[SAFETY], RATE)
     layer.enable(0.0, True)
@@ -120,6 +120,6 @@ def test_one_node_may_believe_in_another_actuator(file: Path, tmp_path: Path) ->
     mine.write_text(yaml.safe_dump(content))
     setup = Setup.of(GraphArguments(params_file=str(mine)))
     values = setup.values
-    _, options = node_parameters("compensator", values["compensator"])
+    _, options = build_parameters("compensator", values["compensator"])
     assert options[PLANT].handle.m_a == options[ACTUATOR].m_a == 0.04
     assert setup.rig().master.handle.m_a == COIL.m_a

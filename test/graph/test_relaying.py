@@ -11,7 +11,7 @@ import pytest
 
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.relaying import CHANGED, RelayArguments, changed, opened, serve
+from haptic_accel.graph.relaying import CHANGED, RelayArguments, changed, open_relay, serve_relay
 
 
 def served(*lines: str) -> list[str]:
@@ -21,7 +21,7 @@ def served(*lines: str) -> list[str]:
     os.close(writing)
     said: list[str] = []
     arguments = RelayArguments("127.0.0.1:7296", "127.0.0.1:7298", delay=0.05)
-    serve(opened(arguments), said.append, lambda: len(said) > len(lines), reading)
+    serve_relay(open_relay(arguments), said.append, lambda: len(said) > len(lines), reading)
     os.close(reading)
     return said
 

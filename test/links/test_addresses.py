@@ -7,7 +7,7 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import ARMS
-from haptic_accel.links.addresses import (
+from haptic_accel.links import (
     TRANSPORTS,
     LinkNodeParameters,
     bound,

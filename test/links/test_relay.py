@@ -15,7 +15,7 @@ import pytest
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.relaying import Relay
-from haptic_accel.links.addresses import Route
+from haptic_accel.links import Route
 
 HOST = "127.0.0.1"
 

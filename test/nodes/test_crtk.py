@@ -26,7 +26,7 @@ from haptic_accel.nodes.crtk import Managed
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.scheduling import StopPoll
-from haptic_accel.nodes.slave_device import slave_device
+from haptic_accel.nodes.slave_device import build_slave_device
 from observing import Observer
 from running import PATIENCE, Command, wait_until
 
@@ -42,7 +42,7 @@ class Client:
     """A slave device, and a node that asks and commands it."""
 
     def __init__(self) -> None:
-        self.arm = slave_device()
+        self.arm = build_slave_device()
         self.loop = join([self.arm])
         self.loop.begin()
         self.stop_poll = StopPoll([self.loop])

@@ -39,7 +39,7 @@ from haptic_accel.devices.simulated import SimulatedMaster
 from haptic_accel.graph.locks import lock_signal
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.loop_runner import join
-from haptic_accel.nodes.master_device import master_device
+from haptic_accel.nodes.master_device import build_master_device
 from haptic_accel.nodes.scheduling import StopPoll
 from haptic_accel.nodes.signals import RIVALS_PERIOD
 from haptic_accel.nodes.supervised_node import message_type, quality
@@ -91,7 +91,7 @@ class Bench:
     """A master device, and another node that sends to it."""
 
     def __init__(self) -> None:
-        self.node = master_device()
+        self.node = build_master_device()
         self.loop = join([self.node])
         self.loop.begin()
         self.stop_poll = StopPoll([self.loop])
@@ -656,7 +656,7 @@ def test_a_latency_too_small_for_the_sound_card_ends_the_node(card: Path, domain
     rclpy.init(args=["--ros-args", *(word for value in AUDIO for word in ("-p", value))])
     try:
         with pytest.raises(ParameterError, match="latency = 1: must be at least 5"):
-            master_device()
+            build_master_device()
         lock_signal(domain, f"/{topics.MASTER_POSITION.name}").close()  # left to others
     finally:
         rclpy.shutdown()

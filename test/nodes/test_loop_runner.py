@@ -24,9 +24,9 @@ from haptic_accel.nodes.compensator import Compensator
 from haptic_accel.nodes.coupler import Coupler
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.loop_runner import join
-from haptic_accel.nodes.master_device import master_device
+from haptic_accel.nodes.master_device import build_master_device
 from haptic_accel.nodes.scheduling import StopPoll
-from haptic_accel.nodes.slave_device import slave_device
+from haptic_accel.nodes.slave_device import build_slave_device
 from haptic_accel.nodes.supervised_node import WIRES
 from running import PATIENCE
 
@@ -48,7 +48,7 @@ class Process:
     """The nodes that share a process by default, and their loop."""
 
     def __init__(self) -> None:
-        self.master, self.slave = master_device(), slave_device()
+        self.master, self.slave = build_master_device(), build_slave_device()
         self.coupler, self.compensator = Coupler(), Compensator()
         self.nodes: list[GraphNode] = [self.master, self.slave, self.coupler, self.compensator]
         self.loop = join(self.nodes)

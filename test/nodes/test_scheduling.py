@@ -21,7 +21,7 @@ pytestmark = pytest.mark.quiet
 ALWAYS_BEHIND = """
 import time
 from haptic_accel.nodes.timing import LONGEST_RUN
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import run_nodes
 from haptic_accel.nodes.supervised_node import SupervisedNode
 
 class Behind(SupervisedNode):
@@ -35,7 +35,7 @@ class Behind(SupervisedNode):
             self.finish("done")
         return 0.0
 
-run("behind", Behind)
+run_nodes("behind", Behind)
 """
 
 
@@ -49,7 +49,7 @@ def test_a_node_that_is_always_behind_is_not_ended_as_one_that_hangs(
 ORPHAN = """
 import ctypes, os, subprocess, sys
 from haptic_accel.core.process import SUPERVISOR
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import run_nodes
 from haptic_accel.nodes.supervised_node import SupervisedNode
 
 class Hanging(SupervisedNode):
@@ -59,7 +59,7 @@ class Hanging(SupervisedNode):
         take(lock), take(lock)  # for ever, with Python's own lock
 
 if SUPERVISOR in os.environ:
-    run("hanging", lambda: Hanging("hanging"))
+    run_nodes("hanging", lambda: Hanging("hanging"))
 os.environ[SUPERVISOR] = str(os.getpid())
 subprocess.run([sys.executable, *sys.orig_argv[1:]])
 """
@@ -75,7 +75,7 @@ def test_a_node_that_hangs_does_not_outlive_its_supervisor(start: Callable[..., 
 
 PARTS = """
 from functools import partial
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import run_nodes
 from haptic_accel.nodes.supervised_node import SupervisedNode
 
 class Part(SupervisedNode):
@@ -88,7 +88,7 @@ class Part(SupervisedNode):
     def close(self):
         print("closed", flush=True)
 
-run("parts", partial(Part, "one"), partial(Part, "two"))
+run_nodes("parts", partial(Part, "one"), partial(Part, "two"))
 """
 
 

@@ -18,7 +18,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.materials.folders import config_folder, preset_file
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.files import parameter_text, read_parameter_file, surface_parameters
-from haptic_accel.setup.node_parameters import NODES, node_parameters, node_schema
+from haptic_accel.setup.node_parameters import NODES, build_parameters, node_schema
 from haptic_accel.setup.setup import Setup
 
 
@@ -42,8 +42,8 @@ def test_values_that_nodes_share_are_read_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize("rig", ["ideal", "paper"])
 def test_a_rig_says_what_the_devices_know(rig: str) -> None:
     values = read_parameter_file(preset_file("rig", rig))
-    _, masters = node_parameters("master_device", values["master_device"])
-    _, slaves = node_parameters("slave_device", values["slave_device"])
+    _, masters = build_parameters("master_device", values["master_device"])
+    _, slaves = build_parameters("slave_device", values["slave_device"])
     # Table I in both.
     assert masters["simulated"].handle == HandleParameters()
     assert (masters["simulated"].mount.frequency > 0) == (rig == "paper")
@@ -173,7 +173,7 @@ def test_any_damage_to_a_file_is_refused_in_one_line(file: Path, text: str) -> N
     def read() -> None:
         found = read_parameter_file(file)
         for executable in NODES:
-            node_parameters(executable, found[executable])
+            build_parameters(executable, found[executable])
 
     accepted(read)
 
@@ -183,7 +183,7 @@ def test_what_is_no_plain_decimal_is_no_number(file: Path, value: str) -> None:
     file.write_text(f"coupler: {{ros__parameters: {{k_m: {value}}}}}", encoding="utf-8")
     found = read_parameter_file(file)["coupler"]
     with pytest.raises(ParameterError, match=rf"k_m = '{value}': must be from 0"):
-        node_parameters("coupler", found)
+        build_parameters("coupler", found)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,12 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError, allowed_values
 from haptic_accel.devices import MASTERS, SLAVES
-from haptic_accel.setup.node_parameters import NODES, declared_schema, node_parameters, node_schema
+from haptic_accel.setup.node_parameters import (
+    NODES,
+    build_parameters,
+    declared_schema,
+    node_schema,
+)
 
 OLDER = {"safety.arm.max_age": 0.2, "safety.actuator.max_age": 0.2}
 
@@ -50,7 +55,7 @@ def test_a_device_with_the_parameters_of_others_adds_none(executable: str, devic
 def test_a_device_node_declares_the_parameters_of_its_devices(
     executable: str, values: dict[str, str], parts: set[str]
 ) -> None:
-    own, _ = node_parameters(executable, values)
+    own, _ = build_parameters(executable, values)
     declared = declared_schema(executable, own)
     common = {"safety", "servo_cp", *(["actuator"] if executable == "master_device" else [])}
     assert {name.partition(".")[0] for name in declared if "." in name} == parts | common
@@ -58,7 +63,7 @@ def test_a_device_node_declares_the_parameters_of_its_devices(
 
 
 def test_the_nodes_declare_few_parameters() -> None:
-    own = {name: node_parameters(name, {})[0] for name in NODES}
+    own = {name: build_parameters(name, {})[0] for name in NODES}
     assert sum(len(declared_schema(*each)) for each in own.items()) <= 240
 
 
@@ -88,32 +93,32 @@ def test_every_text_stands_alone_with_its_unit_and_what_is_allowed(executable: s
 
 
 def test_defaults_are_the_papers() -> None:
-    coupler, _ = node_parameters("coupler", {})
+    coupler, _ = build_parameters("coupler", {})
     assert (coupler.k_m, coupler.k_sl) == (250.0, 250.0)
-    compensator, controllers = node_parameters("compensator", {})
+    compensator, controllers = build_parameters("compensator", {})
     assert compensator.rate == 1000.0
     assert compensator.high_pass_frequency == 15.0
     assert controllers["actuator"].peak_force == 6.6
     assert controllers["constant"].mass == 0.128
-    _, masters = node_parameters("master_device", {})
+    _, masters = build_parameters("master_device", {})
     handle = masters["simulated"].handle
     table_i = (0.018, 266.0, 2.0, 0.128, 1500.0, 11.0)
     assert (handle.m_a, handle.k_s, handle.b_s, handle.m_h, handle.k_u, handle.b_u) == table_i
 
 
 def test_values_reach_nested_parameters_by_dotted_name() -> None:
-    _, masters = node_parameters("master_device", {"simulated.handle.m_h": 0.2})
+    _, masters = build_parameters("master_device", {"simulated.handle.m_h": 0.2})
     assert masters["simulated"].handle.m_h == 0.2
 
 
 @pytest.mark.parametrize("device", ["master_device", "slave_device"])
 def test_a_latency_at_which_every_force_is_outdated_is_refused(device: str) -> None:
-    node_parameters(device, {"latency": 20, "rate": 250.0})
+    build_parameters(device, {"latency": 20, "rate": 250.0})
     with pytest.raises(ParameterError, match=r"^latency = 20: 0\.1 s at rate = 200 Hz, must be"):
-        node_parameters(device, {"latency": 20, "rate": 200.0})
-    node_parameters(device, {"latency": 20, "rate": 200.0} | OLDER)
+        build_parameters(device, {"latency": 20, "rate": 200.0})
+    build_parameters(device, {"latency": 20, "rate": 200.0} | OLDER)
 
 
 def test_a_wrong_value_is_named_with_its_dots() -> None:
     with pytest.raises(ParameterError, match=r"^simulated\.handle\.m_h = -1: must be above 0 kg$"):
-        node_parameters("master_device", {"simulated.handle.m_h": -1})
+        build_parameters("master_device", {"simulated.handle.m_h": -1})

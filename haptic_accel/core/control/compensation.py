@@ -18,7 +18,7 @@ from haptic_accel.core.control.channel import LARGEST_GAIN, Channel
 from haptic_accel.core.control.controllers import CONTROLLERS, CONTROLLERS_GROUP, Loop
 from haptic_accel.core.control.controllers import PLANT as PLANT
 from haptic_accel.core.control.decoupling import full_decoupling
-from haptic_accel.core.control.fallback import NONE, TURNS
+from haptic_accel.core.control.fallback import NO_CONTROLLER, TURNS
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, check_corner, high_pass
 from haptic_accel.core.control.howling import HEARS, HowlingDetector
 from haptic_accel.core.control.reduction_switch import ReductionSwitch
@@ -246,7 +246,7 @@ class Compensation(HandleCompensation):
         """
         for channel in self.channels:
             channel.select(name)
-        if name != NONE:
+        if name != NO_CONTROLLER:
             self.failure = ""
             for each in self.howling:
                 each.reset()
@@ -305,8 +305,8 @@ class Compensation(HandleCompensation):
         for howling in self.howling:
             howling.update()
         is_proved = any(each.proved for each in self.howling)
-        if is_proved and self.controller != NONE:
-            self.select(NONE)
+        if is_proved and self.controller != NO_CONTROLLER:
+            self.select(NO_CONTROLLER)
             self.failure = HEARS
         for channel in self.channels:
             channel.fallback.hushed = is_proved or any(each.suspects for each in self.howling)
@@ -353,8 +353,8 @@ class Compensation(HandleCompensation):
     def _replace_failed(self) -> None:
         """Select `none` if the controller has failed in any channel."""
         failures = [channel.failure for channel in self.channels if channel.failure]
-        if failures and self.controller != NONE:
-            self.select(NONE)
+        if failures and self.controller != NO_CONTROLLER:
+            self.select(NO_CONTROLLER)
             self.failure = failures[0]
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:

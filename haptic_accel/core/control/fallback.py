@@ -18,7 +18,7 @@ from haptic_accel.core.control.supervision import HIGHEST_SHARE, ResponseSupervi
 from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray
 from haptic_accel.core.tick import DESIRED, DRIVE, DYNAMIC, MEASURED, Substitution, Trace
 
-NONE = "none"
+NO_CONTROLLER = "none"
 """Name of the substitute without force."""
 
 ERROR_MEMORY = 0.5
@@ -134,7 +134,7 @@ class Fallback(Substitution):
         lines = self._tracking.frequency
         self._counted = ((lines >= LOWEST) & (lines <= HIGHEST_SHARE * loop.rate)).astype(float)
         self._tracked = self._dynamic_response(loop)
-        self.start(NONE, 1)
+        self.start(NO_CONTROLLER, 1)
 
     @property
     def warning(self) -> str:
@@ -202,7 +202,7 @@ class Fallback(Substitution):
     def _parts(self) -> tuple[ResponseSupervisor | ResponseEstimator, ...]:
         """Active evaluations, in the order of their turns."""
         compared = self._tracking, self._prospect
-        may_be_replaced = not self.reducible and self._name != NONE
+        may_be_replaced = not self.reducible and self._name != NO_CONTROLLER
         return self.supervisor, *compared[: may_be_replaced * (1 + bool(self.substitute))]
 
     def _tracked_pairs(self, length: int) -> tuple[FloatArray, FloatArray]:
@@ -226,7 +226,7 @@ class Fallback(Substitution):
         """Replace the controller, or its substitute, if it is worse than no force."""
         tracking = self._tracking
         power = self._power(tracking.excitation)
-        if power < LEAST_DESIRED**2 or (self.substitute == NONE and not self.probing):
+        if power < LEAST_DESIRED**2 or (self.substitute == NO_CONTROLLER and not self.probing):
             return
         difference = tracking.output - 2.0 * tracking.cross.real + tracking.excitation
         self._error = math.sqrt(max(0.0, self._power(difference)) / power)
@@ -248,10 +248,10 @@ class Fallback(Substitution):
         self.pace = self.step
         self.probing = False
         if self.substitute:
-            self.substitute = NONE
+            self.substitute = NO_CONTROLLER
             return
         rather = self._name != DYNAMIC and self._dynamic_error() < BETTER
-        self.substitute = DYNAMIC if rather else NONE
+        self.substitute = DYNAMIC if rather else NO_CONTROLLER
         self._tracking.reset()
         self.dynamic.reset()
         self.running = 0
@@ -272,15 +272,15 @@ class Fallback(Substitution):
         best = self._power(shared) / max(self._power(caused), 1e-12)
         self.part = min(max(best, LEAST_PART), LARGEST_PART)
         foreseen = math.sqrt(max(0.0, self._power(error)) / power)
-        present = 1.0 if self.substitute == NONE else self._error
+        present = 1.0 if self.substitute == NO_CONTROLLER else self._error
         better = foreseen < min(BETTER, present)
         self._better = self._better + prospect.interval if better else 0.0
         self._idle += prospect.interval
         if self._better >= self._pause:
             self._trial = 0.0
             self._try("")
-        elif self.substitute == NONE and self._idle >= self._pause and not self.probing:
-            self._try(NONE)
+        elif self.substitute == NO_CONTROLLER and self._idle >= self._pause and not self.probing:
+            self._try(NO_CONTROLLER)
 
     def _try(self, substitute: str) -> None:
         """Start to increase the controller's share of the force, with or without a substitute."""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 MISSING_LIBRARY = "needs pyserial and cobs: pip install 'haptic_accel[serial]'"
 
-HIGHEST_RATE = 10_000
+HIGHEST_BOARD_RATE = 10_000
 """Highest sampling rate of the protocol, Hz."""
 
 MOST_WAITING = 4096
@@ -93,7 +93,7 @@ class SerialSlaveParameters(PortParameters):
         " grid",
         unit="Hz",
         low=0,
-        high=HIGHEST_RATE,
+        high=HIGHEST_BOARD_RATE,
     )
     samples_per_frame: int = parameter(
         1, "number of samples that the board sends together", low=1, high=64

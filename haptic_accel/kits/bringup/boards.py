@@ -22,7 +22,7 @@ from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import DeviceError
 from haptic_accel.devices.audio import AUDIO, read_channels, recorded
-from haptic_accel.devices.observed import Force
+from haptic_accel.devices.observed import ForceOverTime
 from haptic_accel.devices.serial.calibration import (
     STILL,
     CalibrationError,
@@ -35,7 +35,7 @@ from haptic_accel.devices.sound_calibration import by_gravity, check_level
 from haptic_accel.kits.bringup import bench as benches
 from haptic_accel.kits.bringup import signal_checks as checks
 from haptic_accel.kits.bringup.signal_checks import Check
-from haptic_accel.setup.files import EVERY_NODE, SEPARATOR, parameter_paths, read_parameter_file
+from haptic_accel.setup.files import EVERY_NODE, parameter_paths, read_parameter_file
 from haptic_accel.setup.node_parameters import SAFETY
 from haptic_accel.setup.rig_file import update_parameter_file
 
@@ -135,7 +135,7 @@ def _found(bench: benches.Bench, sides: Sequence[str]) -> dict[str, dict[str, st
 
 def _ports(bench: benches.Bench) -> dict[str, PortParameters]:
     """Return the specified ports, or all ports of this machine, by name."""
-    given = [port for port in bench.arguments.ports.split(SEPARATOR) if port]
+    given = [port for port in bench.arguments.ports.split(",") if port]
     if given:
         return {port: PortParameters(port=str(Path(port).absolute())) for port in given}
     from serial.tools import list_ports
@@ -430,7 +430,7 @@ def _unplugged(bench: benches.Bench) -> list[Check]:
     return [gone, quiet]
 
 
-def _probe(amplitude: float) -> Force:
+def _probe(amplitude: float) -> ForceOverTime:
     """Return the probing force of an amplitude in N."""
     omega = 2 * math.pi * checks.PROBE_FREQUENCY
     return lambda time: amplitude * math.cos(omega * time)

@@ -20,9 +20,7 @@ import click
 import numpy as np
 
 from haptic_accel import ParameterError, commands
-from haptic_accel.analysis.experiment import LOST_SHARE
 from haptic_accel.bags.delivery import AGE_OF
-from haptic_accel.cli.running import HOST
 from haptic_accel.core.process import FULL_SCALE, UNUSABLE, WRONG_ARGUMENTS
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import DeviceError
@@ -43,9 +41,8 @@ MOST_LATENCY = 4
 """Largest latency that the step `prove` sets, samples. Each sample increases the lowest possible
 error (`bound`); if more are needed, the machine is too slow for the rate."""
 
-MOST_LATE = 100.0 * LOST_SHARE
-"""Share of late forces above which the latency is increased, %: the limit for warnings of an
-experiment."""
+MOST_LATE = 1.0
+"""Share of late forces above which the latency is increased, %: an experiment warns above it."""
 
 
 def identify(bench: benches.Bench) -> None:
@@ -246,12 +243,12 @@ def _bring_up_on_page(arguments: BringUpArguments, terminal: _Terminal) -> None:
     """Bring up a rig at a page, which is served until the page or Ctrl-C ends the bring-up."""
     # Imported here, because the server is slow to import and the terminal does not need it.
     from haptic_accel.kits.bringup.guide import Guide
-    from haptic_accel.scope.access import Access
+    from haptic_accel.scope.access import LOCAL_HOST, Access
     from haptic_accel.scope.server import ScopeServer
 
     guide = Guide(STEPS)
     rig = BringUp(arguments, _Both(terminal, guide))
-    server = ScopeServer(guide, Access(HOST, ""), HOST, 0, guide.act, "bring_up")
+    server = ScopeServer(guide, Access(LOCAL_HOST, ""), LOCAL_HOST, 0, guide.act, "bring_up")
     commands.show_page(server.start())
     try:
         try:

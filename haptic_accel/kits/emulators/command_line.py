@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from haptic_accel import Axes, Checked, GraphArguments, Setup, Vector, commands, parameter
 from haptic_accel.cli.running import is_ours
-from haptic_accel.core.axes import NAMES
+from haptic_accel.core.axes import ALL_AXES
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.model import GRAVITY, ZERO
 from haptic_accel.core.parameters import from_flat, like
@@ -29,14 +29,14 @@ from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.tick import PositionPositionCoupling
 from haptic_accel.devices.can.device import bus_configuration, open_bus
 from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
-from haptic_accel.devices.serial.device import HIGHEST_RATE, MISSING_LIBRARY
+from haptic_accel.devices.serial.device import HIGHEST_BOARD_RATE, MISSING_LIBRARY
 from haptic_accel.devices.simulated import SimulatedDevice, SimulatedMaster, SimulatedSlave
-from haptic_accel.graph.relaying import PRIORITY, RelayArguments, opened, serve
+from haptic_accel.graph.relaying import RELAY_PRIORITY, RelayArguments, open_relay, serve_relay
 from haptic_accel.graph.stop_signal import hurry
 from haptic_accel.kits.emulators.can_line import BusPort, CanLine, EmulatedArm, SlcanPort
 from haptic_accel.kits.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, UNPLUG, FaultKind, Faults
 from haptic_accel.kits.emulators.pseudo_terminal import run
-from haptic_accel.links.addresses import host_and_port, is_loopback
+from haptic_accel.links import host_and_port, is_loopback
 from haptic_accel.setup.files import parameter_text
 
 if TYPE_CHECKING:
@@ -185,7 +185,7 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
         b"t": partial(held.tap, SLAVE),
         b"m": lambda: print(f"current {_currents(boards[0], devices[MASTER])} A", flush=True),
     }
-    poses = itertools.product(NAMES, (GRAVITY, -GRAVITY))
+    poses = itertools.product(ALL_AXES.names, (GRAVITY, -GRAVITY))
     for index, (name, gravity) in enumerate(poses, start=1):
         keys[b"%d" % index] = partial(held.tilt, Axes((name,)).vector([gravity]))
     with commands.on_keys(keys) as read:
@@ -262,9 +262,9 @@ def emulate_network(arguments: RelayArguments) -> None:
     )
     with commands.stop_on_signal() as stopped:
         try:
-            relay = opened(arguments)
-            hurry(PRIORITY)
-            serve(relay, commands.print_line, stopped, _words_source())
+            relay = open_relay(arguments)
+            hurry(RELAY_PRIORITY)
+            serve_relay(relay, commands.print_line, stopped, _words_source())
         except OSError as error:
             raise commands.StoppedError(str(error)) from None
 
@@ -372,7 +372,9 @@ def _board(
         device.write(time, actuator_force=(x, y, z))
 
     name = f"emulated-{side}"
-    identity = Identity(FIRMWARE, axes_bits("xyz"), HIGHEST_RATE, sensor.range, full_scales, name)
+    identity = Identity(
+        FIRMWARE, axes_bits("xyz"), HIGHEST_BOARD_RATE, sensor.range, full_scales, name
+    )
     return EmulatedBoard(identity, port, measure, drive, faults)
 
 

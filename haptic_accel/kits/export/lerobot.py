@@ -34,7 +34,7 @@ from pyarrow import parquet
 from haptic_accel import Axes, Bag, ParameterError
 from haptic_accel.analysis.description import UNKNOWN
 from haptic_accel.bags.reading import messages_of
-from haptic_accel.core.axes import NAMES, VIBRATION
+from haptic_accel.core.axes import ALL_AXES, VIBRATION
 from haptic_accel.core.parameters import one_line, shown
 from haptic_accel.core.sampling import NANOSECONDS, IntArray
 from haptic_accel.kits.export import frames
@@ -478,7 +478,7 @@ class LeRobotWriter(Writer):
         assert self._rates and self._axes
         samples, about = self._axes.sample_names(self._rates.samples), self._rates.description
         state, action = (
-            [f"{each.name}.{axis}" for each in signals for axis in NAMES]
+            [f"{each.name}.{axis}" for each in signals for axis in ALL_AXES.names]
             for signals in (frames.STATE, frames.ACTION)
         )
         units, window = list(UNITS_OF_STATE), ["m/s^2"] * len(samples)

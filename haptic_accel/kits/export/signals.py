@@ -19,7 +19,7 @@ from haptic_accel import Bag, FloatArray, ParameterError, __version__
 from haptic_accel.analysis.description import described, sections
 from haptic_accel.bags.reading import Signal
 from haptic_accel.core import topics
-from haptic_accel.core.axes import NAMES
+from haptic_accel.core.axes import ALL_AXES
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, missing_samples, sampling_rate
 from haptic_accel.core.topics import DEVICES, Topic
 from haptic_accel.setup.arguments import POINTER, SIMULATED, VIRTUAL
@@ -195,7 +195,7 @@ def description(bag: Bag, exported: ExportedSignal) -> dict[str, Any]:
         "name": exported.name,
         "meaning": exported.meaning,
         "unit": exported.unit,
-        "axes": list(NAMES),
+        "axes": list(ALL_AXES.names),
         "frame": exported.topic.frame,
         "topic": exported.topic.name,
         "rate_hz": rate,

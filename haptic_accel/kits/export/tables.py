@@ -14,7 +14,7 @@ from pyarrow import csv, parquet
 
 from haptic_accel import Bag
 from haptic_accel.bags.reading import Signal
-from haptic_accel.core.axes import NAMES
+from haptic_accel.core.axes import ALL_AXES
 from haptic_accel.kits.export.signals import PART, descriptions, signals_of, write_json
 
 METADATA_KEY = b"haptic_accel"
@@ -35,7 +35,7 @@ def write_parquet(bag: Bag, folder: Path) -> None:
     for exported, signal in signals_of(bag):
         own = {**about, "signals": {exported.name: about["signals"][exported.name]}}
         unit = {"unit": exported.unit}
-        fields = [pa.field(axis, pa.float64(), metadata=unit) for axis in NAMES]
+        fields = [pa.field(axis, pa.float64(), metadata=unit) for axis in ALL_AXES.names]
         fields.insert(0, pa.field("stamp", pa.timestamp("ns", "UTC")))
         schema = pa.schema(fields, metadata={METADATA_KEY: json.dumps(own)})
         with parquet.ParquetWriter(
@@ -49,8 +49,8 @@ def write_parquet(bag: Bag, folder: Path) -> None:
 def write_csv(bag: Bag, folder: Path) -> None:
     """Write a bag's signals as ``NAME.csv``, and ``signals.json`` that describes them."""
     for exported, signal in signals_of(bag):
-        titles = ["stamp [ns]", *(f"{axis} [{exported.unit}]" for axis in NAMES)]
-        kinds = [pa.int64(), *[pa.float64()] * len(NAMES)]
+        titles = ["stamp [ns]", *(f"{axis} [{exported.unit}]" for axis in ALL_AXES.names)]
+        kinds = [pa.int64(), *[pa.float64()] * len(ALL_AXES.names)]
         schema = pa.schema(list(zip(titles, kinds, strict=True)))
         with (folder / f"{exported.name}.csv").open("wb") as file:
             # Titles are written here because pyarrow would quote them.

@@ -22,7 +22,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from haptic_accel import ParameterError
 from haptic_accel.core.parameters import shown
-from haptic_accel.links.addresses import AUTHORITY, CERTIFICATE, KEY
+from haptic_accel.kits.link.zenoh import AUTHORITY, CERTIFICATE, KEY
 
 VALID = timedelta(days=3650)
 """Validity of certificates, long enough that a robot in use does not stop on a date. Compromised

@@ -11,14 +11,14 @@ from __future__ import annotations
 from haptic_accel.kits.link.half_coupler import HalfCoupler
 from haptic_accel.nodes.compensator import Compensator
 from haptic_accel.nodes.loop_runner import join
-from haptic_accel.nodes.master_device import master_device
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.master_device import build_master_device
+from haptic_accel.nodes.scheduling import run_nodes
 
 
 def main() -> None:
     """Run the nodes."""
     # The arm is sampled first; the resulting forces are due at the next tick.
-    run("composed_master", master_device, HalfCoupler, Compensator, join=join)
+    run_nodes("composed_master", build_master_device, HalfCoupler, Compensator, join=join)
 
 
 if __name__ == "__main__":

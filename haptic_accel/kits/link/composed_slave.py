@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from haptic_accel.kits.link.half_coupler import HalfCoupler
 from haptic_accel.nodes.loop_runner import join
-from haptic_accel.nodes.scheduling import run
-from haptic_accel.nodes.slave_device import slave_device
+from haptic_accel.nodes.scheduling import run_nodes
+from haptic_accel.nodes.slave_device import build_slave_device
 
 
 def main() -> None:
     """Run the nodes."""
     # The arm is sampled first; its forces are due at the next tick.
-    run("composed_slave", slave_device, HalfCoupler, join=join)
+    run_nodes("composed_slave", build_slave_device, HalfCoupler, join=join)
 
 
 if __name__ == "__main__":

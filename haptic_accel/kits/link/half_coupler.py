@@ -14,13 +14,13 @@ import time
 from haptic_accel import Axes
 from haptic_accel.core import topics
 from haptic_accel.core.network.endpoint import random_session
-from haptic_accel.core.network.playout import KINDS, WAITING
+from haptic_accel.core.network.playout import PLAYED_KINDS, WAITING
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import SLAVE, ArmSample, CoupledForces
 from haptic_accel.core.two_hosts import ArmEndpoint, HalfCouplingPart, HalfEngagement
 from haptic_accel.kits.link.local import COUPLER, LocalEnd
 from haptic_accel.nodes.coupler import ARM_TOPICS, CouplingNode, MotionSynchronizer
-from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.scheduling import run_nodes
 from haptic_accel.nodes.signals import Samples
 from haptic_accel.nodes.timing import RateKeeper, system_time, wake_time
 
@@ -92,10 +92,10 @@ class HalfCoupler(CouplingNode):
             "force limited by the energy tank (%)": f"{100 * half.limited:.1f}",
         }
         if self._ticks:
-            played = sum(playout.counts[kind] for kind in KINDS if kind != WAITING)
+            played = sum(playout.counts[kind] for kind in PLAYED_KINDS if kind != WAITING)
             values["playout delay (ms)"] = f"{playout.delay * 1e3:.2f}"
             values["samples played"] = str(played)
-            for kind in (*(kind for kind in KINDS if kind != WAITING), "late"):
+            for kind in (*(kind for kind in PLAYED_KINDS if kind != WAITING), "late"):
                 share = 100 * playout.counts[kind] / played if played else 0.0
                 values[f"samples {kind} (%)"] = f"{share:.3f}"
         problems = *self._endpoint.problems(system, now).values(), self._local.note
@@ -167,7 +167,7 @@ class HalfCoupler(CouplingNode):
 
 def main() -> None:
     """Run the node."""
-    run("half_coupler", HalfCoupler)
+    run_nodes("half_coupler", HalfCoupler)
 
 
 if __name__ == "__main__":

@@ -26,12 +26,12 @@ from haptic_accel.graph.stop_signal import own_domain
 from haptic_accel.kits.link.authentication import TAG_LENGTH, Authenticator, read_key
 from haptic_accel.kits.link.local import LINK, LONGEST_DATAGRAM, LocalEnd
 from haptic_accel.kits.link.zenoh import ZenohCarrier
-from haptic_accel.links.addresses import UDP, LinkNodeParameters, Route, bound, check_peer, route
+from haptic_accel.links import UDP, LinkNodeParameters, Route, bound, check_peer, route
 from haptic_accel.nodes.scheduling import LOOK_ROUND, TEARDOWN, Signals, run_process
 from haptic_accel.nodes.timing import ask_for_realtime
 from haptic_accel.setup.arguments import LOG_LEVELS
 from haptic_accel.setup.files import read_parameter_file
-from haptic_accel.setup.node_parameters import node_parameters
+from haptic_accel.setup.node_parameters import build_parameters
 
 END_CHECK_PERIOD = 0.25
 """Interval of checks for the end while nothing is received, s."""
@@ -348,7 +348,7 @@ def _given(words: Sequence[str]) -> tuple[str, str, LinkNodeParameters]:
     values = dict[str, Any]()
     for file in files:
         values |= read_parameter_file(file, namespace)["link"]
-    parameters, _ = node_parameters("link", values)
+    parameters, _ = build_parameters("link", values)
     if not parameters.peer:
         raise ParameterError("peer = '': must be HOST or HOST:PORT of the other host")
     return namespace, level, parameters

@@ -23,7 +23,10 @@ from pathlib import Path
 from typing import Any
 
 from haptic_accel import ParameterError
-from haptic_accel.links.addresses import AUTHORITY, CERTIFICATE, KEY, Route
+from haptic_accel.links import Route
+
+AUTHORITY, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"
+"""Files of a host: certificate of the authority, own certificate, and private key."""
 
 MISSING_LIBRARY = "transport zenoh needs eclipse-zenoh: pip install 'haptic_accel[zenoh]'"
 

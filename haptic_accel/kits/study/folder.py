@@ -33,7 +33,6 @@ from pathlib import Path
 from typing import TypeAlias
 
 from haptic_accel import ParameterError
-from haptic_accel.bags.folder import MCAP, METADATA
 from haptic_accel.core.bounded_files import located, opened
 from haptic_accel.core.parameters import shown, suggestion
 from haptic_accel.core.safe_writing import replace_file
@@ -237,8 +236,8 @@ def write_template(name: str, folder: Path) -> Path:
 BAGS = "bags"
 """Name of the folder of bags, or of a link to it, in a participant's folder."""
 
-BAG = re.compile(r"[0-9]{3,}")
-"""Names of bags, counted from 000."""
+BAG, BAG_FILE = re.compile(r"[0-9]{3,}"), re.compile(r"metadata\.yaml|.*\.mcap.*", re.DOTALL)
+"""Names of bags, counted from 000, and of their files."""
 
 
 @dataclass(frozen=True)
@@ -322,7 +321,7 @@ def _is_bag(path: Path) -> bool:
     if not BAG.fullmatch(path.name) or path.is_symlink() or not path.is_dir():
         return False
     return all(
-        each.is_file() and not each.is_symlink() and (each.name == METADATA or MCAP in each.name)
+        each.is_file() and not each.is_symlink() and BAG_FILE.fullmatch(each.name)
         for each in path.iterdir()
     )
 

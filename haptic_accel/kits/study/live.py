@@ -14,7 +14,7 @@ from typing import Any
 
 from haptic_accel import ChannelParameters, GraphArguments, ParameterError
 from haptic_accel.core.control.channel import RAMP
-from haptic_accel.core.control.fallback import NONE
+from haptic_accel.core.control.fallback import NO_CONTROLLER
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.networked import RelayError, RelayProcess, networked_graph
 from haptic_accel.graph.supervisor import BackgroundGraph
@@ -24,12 +24,12 @@ from haptic_accel.kits.study.protocol import Condition, Protocol, Value
 from haptic_accel.kits.study.trials import PresentedStimulus, StoppedError, UndeliveredError
 from haptic_accel.nodes.graph_requests import SETTINGS, set_controller, set_gain
 from haptic_accel.nodes.graph_view import GraphView
-from haptic_accel.nodes.joined_view import JoinedView, joined_view
+from haptic_accel.nodes.joined_view import JoinedView, open_joined_view
 from haptic_accel.nodes.service_client import RequestError
 from haptic_accel.scope.frames import SCENE
-from haptic_accel.scope.intervals import MARGIN, late_percent, measure
+from haptic_accel.scope.intervals import INTERVAL_MARGIN, late_percent, measure
 from haptic_accel.scope.state import LEVELS
-from haptic_accel.scope.windows import CHANGING, Windows
+from haptic_accel.scope.windows import CONTROLLER_CHANGE_TIME, Windows
 from haptic_accel.setup.processes import graph
 from haptic_accel.setup.setup import RECORDER
 
@@ -42,7 +42,7 @@ SIGNALS = ("desired", "actual", "force", SCENE)
 STARTING_TIME = 60.0
 """Longest time from the start of a graph until its arms are engaged, s."""
 
-SETTING, SETTLING = 0.2, CHANGING + 0.05
+SETTING, SETTLING = 0.2, CONTROLLER_CHANGE_TIME + 0.05
 """Times from the request of a condition until all settings are made, and from then until the
 fade-in, s. They are constant, so that they do not reveal the changed settings. Meanwhile filters
 settle, and another reduction takes over."""
@@ -104,7 +104,7 @@ class LiveRig:
         with ExitStack() as stack:
             stack.enter_context(sole_graph(first.namespace))
             (self._folder / "bags").mkdir(parents=True, exist_ok=True)
-            joined = joined_view(first.namespace, NODE, self._follow)
+            joined = open_joined_view(first.namespace, NODE, self._follow)
             self._joined = stack.enter_context(joined)
             stack.callback(self._close)
             self._start(first, network)
@@ -266,7 +266,7 @@ class LiveRig:
         gain = float(settings.get("gain", 1.0))
         changes = [make(settings[name]) for name, make in SETTINGS.items() if name in settings]
         if "controller" in settings:  # otherwise an unchanged controller would keep its adaptation
-            self._joined.send(set_controller(NONE))
+            self._joined.send(set_controller(NO_CONTROLLER))
         self._joined.change(changes)
         if network and self._relay:
             self._relay.begin_anew(network)
@@ -283,7 +283,7 @@ class LiveRig:
         finally:
             if self._graph and not self._graph.ended:
                 self._joined.change([set_gain(0.0)])
-        self._wait(RAMP + MARGIN)
+        self._wait(RAMP + INTERVAL_MARGIN)
         after = self._joined.force_counts("master_device")
         self._joined.check(changes)
         self._check_recorder()

@@ -30,7 +30,7 @@ from haptic_accel.kits.study.trials import (
     UndeliveredError,
 )
 from haptic_accel.materials.folders import config_folder
-from haptic_accel.scope.access import Access
+from haptic_accel.scope.access import LOCAL_HOST, Access
 from haptic_accel.scope.server import CommandError, ScopeServer, Touched, check_choice
 
 A = TypeVar("A")
@@ -114,9 +114,6 @@ class Questions(Generic[A]):
             raise CommandError(f"answer {shown(choice)}: is not handled yet") from None
 
 
-HOST = "127.0.0.1"
-"""Address of the page, reachable from this machine only."""
-
 STIMULUS, OVER = "stimulus", ("stopped", "end")
 """Kinds of screens: the one that must be seen, and those that may follow a stop."""
 
@@ -196,7 +193,9 @@ class ParticipantPage:
         self.windows = source.windows
         self.noise: float | None = None
         self._source, self._noise = source, noise if noise > -100.0 else None
-        self._server = ScopeServer(self, Access(HOST), HOST, port, self._act, "study", texts)
+        self._server = ScopeServer(
+            self, Access(LOCAL_HOST), LOCAL_HOST, port, self._act, "study", texts
+        )
         self._questions = Questions[Answer]()
         self._screen, self._begun = Screen("", "wait"), time.monotonic()
         self._page = self._stopped = ""

@@ -107,7 +107,8 @@ def write_report(result: StudyResult, folder: Path, unblinded: str = "") -> Path
         (folder / f"{name}.csv").write_text(csv_text(frame), encoding="utf-8")
     content = json.dumps(as_json(result), indent=2, allow_nan=False)
     (folder / "results.json").write_text(content + "\n", encoding="utf-8")
-    files = [*plots.save(figures, folder), *(f"{name}.csv" for name in frames), "results.json"]
+    drawn = plots.save_plots(figures, folder)
+    files = [*drawn, *(f"{name}.csv" for name in frames), "results.json"]
     write(
         folder / PAGE,
         "study_report.html.j2",

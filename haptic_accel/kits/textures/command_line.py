@@ -41,7 +41,7 @@ from haptic_accel.core.topics import CONTACT_FORCE, SLAVE, SLAVE_ARM_FORCE
 from haptic_accel.devices.playback import bag_track, is_bag
 from haptic_accel.kits.textures.building import BAND, Built, HeldOut, Recording, Segment, build
 from haptic_accel.kits.textures.foreign import import_texture
-from haptic_accel.materials.columns import COLUMNS, FORCE, SPEED, Column, Wording
+from haptic_accel.materials.columns import COLUMNS, FORCE, SPEED, ColumnChoice, Wording
 from haptic_accel.materials.recordings import AXES, FULL_SCALE, cleaned, read_columns, tell_unlike
 from haptic_accel.materials.texture_files import write_texture
 
@@ -353,8 +353,8 @@ def _csv(
     path: Path, rate: float, axes: Sequence[str], reduced: Callable[[FloatArray], FloatArray]
 ) -> Recording:
     """Return the recording in a CSV file; three axes are reduced to one."""
-    columns = [Column(("speed",), SPEED), Column(("force",), FORCE)]
-    columns += [Column((name,)) for name in axes] or [Column(COLUMNS)]
+    columns = [ColumnChoice(("speed",), SPEED), ColumnChoice(("force",), FORCE)]
+    columns += [ColumnChoice((name,)) for name in axes] or [ColumnChoice(COLUMNS)]
     samples, own_rate = read_columns(path, rate, columns, Wording("rate", "--axes X,Y,Z"))
     speed, force, *found = samples.T
     tell_unlike({f"{path}: {name}": each for name, each in zip(axes, found, strict=False)})

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.links.addresses import AUTHORITY, CERTIFICATE, KEY
+from haptic_accel.kits.link.zenoh import AUTHORITY, CERTIFICATE, KEY
 
 certificates = pytest.importorskip("haptic_accel.kits.link.certificates")
 

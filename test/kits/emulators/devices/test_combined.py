@@ -23,7 +23,7 @@ from haptic_accel.kits.emulators.faults import CAN_FAULTS, Faults
 from haptic_accel.kits.emulators.pseudo_terminal import run
 from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
 from haptic_accel.setup.files import read_parameter_file
-from haptic_accel.setup.node_parameters import node_parameters
+from haptic_accel.setup.node_parameters import build_parameters
 from running import wait_until
 
 RATE = 100.0  # Hz
@@ -67,7 +67,7 @@ def test_arm_and_board_are_given_as_when_either_is_alone(tmp_path: Path) -> None
     file, arm, board = (tmp_path / name for name in ("mine.yaml", "arm", "board"))
     file.write_text(GIVEN.format(arm=arm, board=board, can=CAN))
     given = read_parameter_file(file)["slave_device"]
-    _, options = node_parameters("slave_device", given)
+    _, options = build_parameters("slave_device", given)
     with plugged(options, board):
         device = SLAVES["can_serial"].from_options("can_serial", options, RATE, 0)
         with closing(device):
