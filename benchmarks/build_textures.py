@@ -17,9 +17,8 @@ from haptic_accel import Provenance
 from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters, SurfaceParameters
-from haptic_accel.kits.textures.building import Recording, build
-from haptic_accel.materials.folders import config_folder
-from haptic_accel.materials.texture_files import write_texture
+from haptic_accel.kits.textures import Recording, build
+from haptic_accel.materials import config_folder, write_texture
 from haptic_accel.setup.files import surface_parameters
 
 SURFACES = ("plywood", "text", "vinyl")

@@ -56,12 +56,12 @@ from haptic_accel.commands import (
     workers_options,
 )
 from haptic_accel.controllers import CONTROLLERS
-from haptic_accel.core.model import vector
+from haptic_accel.core import build_loop, vector
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import simulated_master
 from haptic_accel.core.rig.slave_rig import SlaveRig
 from haptic_accel.core.sampling import crossfaded
-from haptic_accel.core.simulated_rig import build_loop, build_parts
+from haptic_accel.core.simulated_rig import build_parts
 from haptic_accel.core.tables import number as figure
 from haptic_accel.core.trial import WARNING_CHECK_PERIOD, GripChange
 from haptic_accel.devices import Sample

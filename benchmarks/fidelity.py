@@ -40,8 +40,8 @@ from haptic_accel.commands import (
     workers_options,
 )
 from haptic_accel.controllers import CONTROLLERS
+from haptic_accel.setup import graph
 from haptic_accel.setup.node_parameters import HIGHEST_RATE
-from haptic_accel.setup.processes import graph
 
 
 @verb(

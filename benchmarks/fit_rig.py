@@ -20,8 +20,8 @@ from statistics import fmean
 import numpy as np
 
 from haptic_accel import FloatArray, GraphArguments, Setup
+from haptic_accel.core import RigParameters
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation
-from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.trial import run_trial
 from haptic_accel.setup.arguments import SURFACES
 

@@ -16,7 +16,8 @@ import numpy as np
 from scipy import signal
 
 from haptic_accel import FloatArray, Provenance, Texture, TextureModel, preset_file, read_texture
-from haptic_accel.kits.textures.building import BAND, Built, Recording, build
+from haptic_accel.kits.textures import Recording, build
+from haptic_accel.kits.textures.building import BAND, Built
 
 TEXTURES = ("plywood", "text", "vinyl")
 

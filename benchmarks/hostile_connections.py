@@ -29,9 +29,7 @@ from rich.console import Console
 from rich.table import Table
 
 from haptic_accel.commands import DONE, FAILED, Row, Verb, json_option, run, save
-from haptic_accel.scope.access import Access
-from haptic_accel.scope.server import ScopeServer
-from haptic_accel.scope.windows import Windows
+from haptic_accel.scope import Access, ScopeServer, Windows
 
 HOST = "127.0.0.1"
 TOKEN = "a-token-of-the-benchmark"

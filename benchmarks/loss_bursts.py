@@ -16,7 +16,7 @@ import click
 from two_arms import ENGAGING, RATE, TwoArms, free, stroke
 
 from haptic_accel import ChannelParameters, PassiveParameters
-from haptic_accel.core.model import ZERO
+from haptic_accel.core import ZERO
 from haptic_accel.core.topics import ARMS
 
 NETWORK = ChannelParameters(delay=0.02, jitter=0.01, loss=0.05)

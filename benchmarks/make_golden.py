@@ -22,8 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test/support"))
 from bag_maker import BagContent, write_bag
 from haptic_accel import FloatArray, GraphArguments, Setup, Vector
-from haptic_accel.core import topics
-from haptic_accel.core.control.compensation import Compensation
+from haptic_accel.core import Compensation, topics
 from haptic_accel.core.rig.master_rig import MasterRig
 from haptic_accel.core.rig.slave_rig import SlaveRig
 from haptic_accel.core.tick import PositionPositionCoupling

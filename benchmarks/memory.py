@@ -32,8 +32,8 @@ from haptic_accel.commands import (
 )
 from haptic_accel.core.process import ENGAGED
 from haptic_accel.graph.supervisor import Supervisor
+from haptic_accel.setup import graph
 from haptic_accel.setup.arguments import parse_arguments
-from haptic_accel.setup.processes import graph
 
 SAMPLE_PERIOD = 1.0
 """Interval between readings of the memory, s."""

@@ -22,9 +22,10 @@ from haptic_accel import Plant, Texture, TextureModel, Vector
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import BagWriter
 from haptic_accel.controllers import CONTROLLERS
+from haptic_accel.core import Compensation
 from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
-from haptic_accel.core.control.compensation import Compensation, CompensationParameters
+from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.coupling.passive import CouplingParameters
 from haptic_accel.core.handle.plant import MatrixPlant
 from haptic_accel.core.rig.slave_rig import ToolParameters

@@ -24,13 +24,14 @@ from rich.console import Console
 from rich.table import Table
 
 from haptic_accel import GraphArguments, ParameterError
-from haptic_accel.bags.delivery import AGE_OF, LABELS, durations, read_delivery
+from haptic_accel.bags import AGE_OF
+from haptic_accel.bags.delivery import LABELS, durations, read_delivery
 from haptic_accel.cli.bench import Usage
 from haptic_accel.cli.running import run_to_end
 from haptic_accel.commands import DONE, Row, Verb, json_option, run, save, stop_on_signal, words
 from haptic_accel.graph.supervisor import Supervisor
+from haptic_accel.setup import graph
 from haptic_accel.setup.arguments import parse_arguments
-from haptic_accel.setup.processes import graph
 from haptic_accel.setup.setup import SCOPE
 
 SHORTEST = 3.0

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from haptic_accel import ChannelParameters, PassiveParameters, Vector
-from haptic_accel.core.actuator.safety import SafetyParameters
-from haptic_accel.core.model import ZERO
+from haptic_accel.core import ZERO, SafetyParameters
 from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.simulated_rig import rig_side
 from haptic_accel.core.tick import ARM

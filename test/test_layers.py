@@ -222,23 +222,8 @@ def test_a_kit_imports_no_other_kit_and_only_public_names(kit: str) -> None:
                 assert not private, (module, private)
 
 
-ROOTS = {
-    *(PACKAGE, "haptic_accel.analysis", "haptic_accel.commands"),
-    *("haptic_accel.controllers", "haptic_accel.devices"),
-}
-"""Public interface; `test_public_names.py` has its names."""
-
 LOADING = {"__version__", "lazy_names"}
 """What the package itself has, in addition to names that are loaded at their first use."""
-
-BEHIND_THE_ROOTS = 88
-"""Most modules of the main package that kits import besides `ROOTS`. Lower it with them."""
-
-
-def test_kits_stand_on_the_public_interface() -> None:
-    kits = f"{PACKAGE}.kits"
-    main = {to for by, to in inside() if within(by, kits) and not within(to, kits)} - ROOTS
-    assert len(main) <= BEHIND_THE_ROOTS, sorted(main)
 
 
 def test_only_kits_import_the_names_of_the_root() -> None:

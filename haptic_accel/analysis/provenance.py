@@ -17,7 +17,7 @@ from haptic_accel.bags.trial_metadata import host
 _PACKAGE = Path(haptic_accel.__file__).parent
 
 
-def provenance() -> dict[str, str]:
+def page_provenance() -> dict[str, str]:
     """Return version, commit, machine and command line of this process, for a page's settings.
 
     The commit exists only if the package runs from its own clone.

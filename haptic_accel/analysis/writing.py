@@ -25,7 +25,7 @@ from haptic_accel.analysis import frames, metrics, plots
 from haptic_accel.analysis.frames import Comparison, csv_text
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.plots import PATH, Portrait
-from haptic_accel.analysis.provenance import provenance
+from haptic_accel.analysis.provenance import page_provenance
 from haptic_accel.analysis.segments import Segment, read_segment
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.traces import EXCERPT, Trace, sampled
@@ -117,7 +117,7 @@ def write_page(
         file,
         "analysis.html.j2",
         setting=setting,
-        settings={**setting.settings, **provenance()},
+        settings={**setting.settings, **page_provenance()},
         summary=summary(analysis, comparison),
         analysis=analysis,
         confidence=f"{metrics.PERCENT * CONFIDENCE:g} %",

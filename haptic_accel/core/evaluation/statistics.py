@@ -36,7 +36,7 @@ FEWEST_SEGMENTS = 5
 RESAMPLES = 2000
 """Number of bootstrap draws; quantiles are then accurate to about a tenth of the interval."""
 
-FEWEST_VALUES = 3
+FEWEST = 3
 """Minimum number of values for an interval, and of pairs for a test. For two values Student's
 interval is 13 times as wide as for very many, and is useless."""
 
@@ -131,7 +131,7 @@ def mean_interval(
     if n == 0:
         return Interval(math.nan, math.nan, math.nan, 0, "no value")
     mean = float(np.mean(finite))
-    if n < FEWEST_VALUES:
+    if n < FEWEST:
         few = f"{n} {'trial' if n == 1 else 'trials'}: too few for an interval"
         return Interval(mean, math.nan, math.nan, n, few)
     from scipy import stats
@@ -210,7 +210,7 @@ def paired_difference(
     Returns
     -------
     PairedDifference
-        Without probabilities for fewer than `FEWEST_VALUES` pairs, and without Wilcoxon's for
+        Without probabilities for fewer than `FEWEST` pairs, and without Wilcoxon's for
         fewer than `FEWEST_RANKED`.
 
     Raises
@@ -228,7 +228,7 @@ def paired_difference(
     varies = spread > 1e-12 * max(float(np.max(np.abs(differences))), 1e-300) if n > 1 else False
     effect = mean.value / spread if varies else math.nan
     t = p_t = p_wilcoxon = math.nan
-    if n >= FEWEST_VALUES and varies:
+    if n >= FEWEST and varies:
         from scipy import stats
 
         tested = stats.ttest_rel(second, first, alternative=alternative)
@@ -244,9 +244,9 @@ def flipped_signs(differences: FloatArray, alternative: Alternative = "two-sided
     """Return the share of sign flips whose sum is at least as extreme as the observed sum.
 
     Up to `EXACT` differences all flips are tried, otherwise `FLIPS` random ones (Fisher, "The
-    Design of Experiments", 1935). NaN for fewer than `FEWEST_VALUES` differences.
+    Design of Experiments", 1935). NaN for fewer than `FEWEST` differences.
     """
-    if len(differences) < FEWEST_VALUES:
+    if len(differences) < FEWEST:
         return math.nan
     sums = _signs(len(differences)) @ differences
     if alternative == "two-sided":
@@ -276,7 +276,7 @@ def _signed_ranks(differences: FloatArray, alternative: Alternative) -> float:
     # Equal differences of proportions may differ by rounding errors.
     rounded = np.round(differences / np.max(np.abs(differences)), 9)
     varied = rounded[rounded != 0]
-    if not FEWEST_VALUES <= len(varied) <= EXACT:
+    if not FEWEST <= len(varied) <= EXACT:
         return float(stats.wilcoxon(rounded, alternative=alternative).pvalue)
     return flipped_signs(np.sign(varied) * stats.rankdata(np.abs(varied)), alternative)
 
@@ -284,9 +284,9 @@ def _signed_ranks(differences: FloatArray, alternative: Alternative) -> float:
 def _verdict(n: int, varies: bool, p_t: float, p_wilcoxon: float) -> str:
     if n == 0:
         return "no pair: nothing can be compared"
-    if n < FEWEST_VALUES:
+    if n < FEWEST:
         pairs = "1 pair" if n == 1 else f"{n} pairs"
-        return f"{pairs}: too few to test, at least {FEWEST_VALUES} are needed"
+        return f"{pairs}: too few to test, at least {FEWEST} are needed"
     if not varies:
         return f"{n} pairs differ by the same amount: there is no scatter to test against"
     words = f"paired t-test over {n} pairs, p = {p_t:.2g}"

@@ -15,7 +15,9 @@ from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.model import Vector
 from haptic_accel.core.tick.loss_concealment import LossConcealment
 
-WAITING, TRUE, REPAIRED, CONCEALED = PLAYED_KINDS = ("waiting", "true", "repaired", "concealed")
+WAITING, TRUE, REPAIRED, CONCEALED = KINDS = ("waiting", "true", "repaired", "concealed")
+PLAYED_KINDS = KINDS[1:]
+"""Kinds of samples that are played, each worse than the one before."""
 
 QUANTILE = 0.99
 """Fraction of samples that must have arrived when they are due."""
@@ -241,7 +243,7 @@ class Playout:
             two = self._samples.get(number + 1)
             one = two and _Held(
                 _between(one.value, two.value, part / STEPS),
-                max(one.kind, two.kind, key=PLAYED_KINDS.index),
+                max(one.kind, two.kind, key=KINDS.index),
             )
         if one is not None:
             for concealment, value in zip(self._concealments, one.value, strict=True):

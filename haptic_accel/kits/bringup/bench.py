@@ -17,18 +17,15 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from haptic_accel import Checked, GraphArguments, Setup, parameter
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core import ActuatorParameters
 from haptic_accel.core.parameters import like, shown
 from haptic_accel.core.process import PROGRESS, SUPERVISOR, module_command, read_event
 from haptic_accel.core.topics import ARMS
-from haptic_accel.devices import MASTERS, SLAVES, DeviceError
-from haptic_accel.devices.audio import AUDIO
-from haptic_accel.devices.observed import Observation, ObservedDevice
-from haptic_accel.graph.stop_signal import hurry
+from haptic_accel.devices import AUDIO, MASTERS, SLAVES, DeviceError, Observation, ObservedDevice
+from haptic_accel.graph import hurry
 from haptic_accel.kits.bringup.signal_checks import Check
+from haptic_accel.setup import SAFETY, build_device, parameter_paths, read_parameter_file
 from haptic_accel.setup.arguments import POINTER, SIMULATED, VIRTUAL
-from haptic_accel.setup.files import parameter_paths, read_parameter_file
-from haptic_accel.setup.node_parameters import SAFETY, build_device
 
 MASTER, SLAVE = ARMS
 

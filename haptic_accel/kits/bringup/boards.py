@@ -17,27 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from haptic_accel import FloatArray
-from haptic_accel.core.model import ACTUATOR
+from haptic_accel import FloatArray, devices, setup
+from haptic_accel.core import ACTUATOR
 from haptic_accel.core.topics import ARMS
-from haptic_accel.devices import DeviceError
-from haptic_accel.devices.audio import AUDIO, read_channels, recorded
-from haptic_accel.devices.observed import ForceOverTime
-from haptic_accel.devices.serial.calibration import (
-    STILL,
-    CalibrationError,
-    calibrate,
-    rest,
-    vertical,
-)
-from haptic_accel.devices.serial.device import PortParameters
-from haptic_accel.devices.sound_calibration import by_gravity, check_level
+from haptic_accel.devices import serial
 from haptic_accel.kits.bringup import bench as benches
 from haptic_accel.kits.bringup import signal_checks as checks
 from haptic_accel.kits.bringup.signal_checks import Check
-from haptic_accel.setup.files import EVERY_NODE, parameter_paths, read_parameter_file
-from haptic_accel.setup.node_parameters import SAFETY
-from haptic_accel.setup.rig_file import update_parameter_file
 
 ARM = "can"
 """Prefix of the names of devices with an arm whose joints this computer drives."""
@@ -64,20 +50,20 @@ def connect(bench: benches.Bench) -> None:
     _take_over(bench)
     a = bench.arguments
     nodes: dict[str, dict[str, Any]] = {
-        EVERY_NODE: {"rate": a.rate, ACTUATOR: {"force_constant": a.force_constant}},
+        setup.EVERY_NODE: {"rate": a.rate, ACTUATOR: {"force_constant": a.force_constant}},
         "master_device": {"device": a.master, "actuator_device": a.actuator},
         "slave_device": {"device": a.slave},
     }
-    if a.accelerometers == AUDIO:
+    if a.accelerometers == devices.AUDIO:
         given = bench.parameters(benches.MASTER)[0].latency if bench.path.exists() else 0
-        nodes[EVERY_NODE]["latency"] = max(given, round(CARD_TIME * a.rate))
+        nodes[setup.EVERY_NODE]["latency"] = max(given, round(CARD_TIME * a.rate))
         for side in ARMS:
-            nodes[f"{side}_device"]["accelerometer_device"] = AUDIO
+            nodes[f"{side}_device"]["accelerometer_device"] = devices.AUDIO
     boards = [side for side in ARMS if getattr(a, side).endswith(benches.SERIAL)]
     if boards:
         for side, port in _found(bench, boards).items():
             nodes[f"{side}_device"][benches.SERIAL] = port
-    update_parameter_file(bench.path, nodes)
+    setup.update_parameter_file(bench.path, nodes)
     for side in ARMS:
         _look_at(bench, side)
 
@@ -93,9 +79,9 @@ def calibrate_boards(bench: benches.Bench) -> None:
 
 def _take_over(bench: benches.Bench) -> None:
     """Copy the values of the specified parameter files to the rig's file."""
-    for path in parameter_paths(bench.arguments.params_file):
-        values = read_parameter_file(path)
-        update_parameter_file(bench.path, {node: own for node, own in values.items() if own})
+    for path in setup.parameter_paths(bench.arguments.params_file):
+        values = setup.read_parameter_file(path)
+        setup.update_parameter_file(bench.path, {node: own for node, own in values.items() if own})
 
 
 def _found(bench: benches.Bench, sides: Sequence[str]) -> dict[str, dict[str, str]]:
@@ -103,7 +89,7 @@ def _found(bench: benches.Bench, sides: Sequence[str]) -> dict[str, dict[str, st
     found: dict[str, dict[str, str]] = {}
 
     def look() -> list[Check]:
-        from haptic_accel.devices.serial.board_samples import BoardSamples
+        from haptic_accel.devices.serial import BoardSamples
 
         found.clear()
         ports = _ports(bench)
@@ -115,7 +101,7 @@ def _found(bench: benches.Bench, sides: Sequence[str]) -> dict[str, dict[str, st
             try:
                 with BoardSamples(port, round(bench.arguments.rate), AXES) as board:
                     identity = board.identity
-            except DeviceError as error:
+            except devices.DeviceError as error:
                 results.append(Check(False, str(error), "flash the board: firmware/README.md"))
                 continue
             side = benches.MASTER if identity.coils else benches.SLAVE
@@ -133,15 +119,15 @@ def _found(bench: benches.Bench, sides: Sequence[str]) -> dict[str, dict[str, st
     return {side: found[side] for side in sides}
 
 
-def _ports(bench: benches.Bench) -> dict[str, PortParameters]:
+def _ports(bench: benches.Bench) -> dict[str, serial.PortParameters]:
     """Return the specified ports, or all ports of this machine, by name."""
     given = [port for port in bench.arguments.ports.split(",") if port]
     if given:
-        return {port: PortParameters(port=str(Path(port).absolute())) for port in given}
+        return {port: serial.PortParameters(port=str(Path(port).absolute())) for port in given}
     from serial.tools import list_ports
 
     return {
-        port.device: PortParameters(usb_serial=port.serial_number)
+        port.device: serial.PortParameters(usb_serial=port.serial_number)
         for port in list_ports.comports()
         if port.serial_number
     }
@@ -195,8 +181,8 @@ def _heard(bench: benches.Bench, side: str) -> list[Check]:
     """Check the level of a card's input, and that it shows taps on this side."""
     quiet = _recorded(bench, side, REST)
     try:
-        check_level(quiet, f"{benches.HELD[side]}: input")
-    except CalibrationError as error:
+        devices.check_level(quiet, f"{benches.HELD[side]}: input")
+    except serial.CalibrationError as error:
         return [Check(False, str(error), "check sensor, cable, input and its gain")]
     noise = float(quiet.std())
 
@@ -215,16 +201,16 @@ def _heard(bench: benches.Bench, side: str) -> list[Check]:
 def _recorded(bench: benches.Bench, side: str, seconds: float) -> FloatArray:
     """Record a side's first input of the card from now on, full scale 1."""
     _, options = bench.parameters(side)
-    own = options[AUDIO]
-    channel = read_channels("audio.inputs", own.inputs)[0]
-    return recorded(own.device, seconds, channel)[0][:, channel - 1]
+    own = options[devices.AUDIO]
+    channel = devices.read_channels("audio.inputs", own.inputs)[0]
+    return devices.recorded(own.device, seconds, channel)[0][:, channel - 1]
 
 
 def _scaled(bench: benches.Bench, side: str) -> list[Check]:
     """Measure the scale of a card's input by gravity, unless the scale is known."""
     held = benches.HELD[side]
     _, options = bench.parameters(side)
-    if known := options[AUDIO].scales:
+    if known := options[devices.AUDIO].scales:
         return [Check(True, f"{held}: full scale {known} m/s^2, as in {bench.path.name}")]
     poses = []
     for pose in ("upwards", "downwards"):
@@ -232,17 +218,17 @@ def _scaled(bench: benches.Bench, side: str) -> list[Check]:
         poses.append(_recorded(bench, side, POSE))
     try:
         up, down = poses
-        found = by_gravity(up, down, f"{held}: input")
-    except CalibrationError as error:
+        found = devices.by_gravity(up, down, f"{held}: input")
+    except serial.CalibrationError as error:
         words = f"haptic-accel calibrate audio side:={side} file:={bench.path}"
         return [Check(False, str(error), f"in another terminal: {words}, and by:=...")]
-    scales = {AUDIO: {"scales": f"{found.scale:.6g}"}}
-    update_parameter_file(bench.path, {f"{side}_device": scales})
+    scales = {devices.AUDIO: {"scales": f"{found.scale:.6g}"}}
+    setup.update_parameter_file(bench.path, {f"{side}_device": scales})
     return [Check(True, f"{held}: {found.text}")]
 
 
 def _turned_over(bench: benches.Bench, side: str) -> list[Check]:
-    from haptic_accel.devices.serial.board_samples import BoardSamples
+    from haptic_accel.devices.serial import BoardSamples
 
     own, options = bench.parameters(side)
     poses = []
@@ -254,15 +240,15 @@ def _turned_over(bench: benches.Bench, side: str) -> list[Check]:
             bench.goes_on(f"hold the {benches.HELD[side]} {pose_text}, then press Enter")
             poses.append(board.collect(POSE))
         number = board.identity.serial_number
-    axis = vertical(*poses)
+    axis = serial.vertical(*poses)
     try:
-        up, down = (rest(pose[:, axis], gain) for pose in poses)
-        found = calibrate(up, down, gain)
-    except CalibrationError as error:
+        up, down = (serial.rest(pose[:, axis], gain) for pose in poses)
+        found = serial.calibrate(up, down, gain)
+    except serial.CalibrationError as error:
         return [Check(False, str(error), "hold it again, the other way up the second time")]
     calibration = found.parameters(AXES[axis], number)
     nodes = {f"{side}_device": {benches.SERIAL: {"calibration": calibration}}}
-    update_parameter_file(bench.path, nodes)
+    setup.update_parameter_file(bench.path, nodes)
     within = f"{found.gain_error / abs(found.gain):.2%}"
     return [
         Check(
@@ -344,8 +330,10 @@ def _probed(bench: benches.Bench) -> list[Check]:
     found = checks.probe_checks(small, large, noise)
     if len(found) > 1 and not found[1].passed:
         _, options = bench.parameters(benches.MASTER)
-        turned = -options[SAFETY].hardware.force_constant
-        update_parameter_file(bench.path, {EVERY_NODE: {ACTUATOR: {"force_constant": turned}}})
+        turned = -options[setup.SAFETY].hardware.force_constant
+        setup.update_parameter_file(
+            bench.path, {setup.EVERY_NODE: {ACTUATOR: {"force_constant": turned}}}
+        )
         text = f"the coil pushes backwards: force constant made {turned:g} N/A"
         found[1] = Check(True, text)
     return found
@@ -423,14 +411,14 @@ def _unplugged(bench: benches.Bench) -> list[Check]:
             return [gone, Check(False, "the board did not come back", "reset the board")]
         level = float(np.nanstd(device.last(REST).acceleration))
     quiet = Check(
-        level <= 2 * noise + STILL,
+        level <= 2 * noise + serial.STILL,
         f"no force by itself once it is back ({level:.2f} m/s^2)",
         "flash the board: its firmware must wait to be armed",
     )
     return [gone, quiet]
 
 
-def _probe(amplitude: float) -> ForceOverTime:
+def _probe(amplitude: float) -> devices.ForceOverTime:
     """Return the probing force of an amplitude in N."""
     omega = 2 * math.pi * checks.PROBE_FREQUENCY
     return lambda time: amplitude * math.cos(omega * time)

@@ -20,7 +20,7 @@ import click
 import numpy as np
 
 from haptic_accel import ParameterError, commands
-from haptic_accel.bags.delivery import AGE_OF
+from haptic_accel.bags import AGE_OF
 from haptic_accel.core.process import FULL_SCALE, UNUSABLE, WRONG_ARGUMENTS
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import DeviceError
@@ -29,7 +29,7 @@ from haptic_accel.kits.bringup import signal_checks as checks
 from haptic_accel.kits.bringup.bench import STEPS, BringUpArguments, BringUpError, Watched
 from haptic_accel.kits.bringup.boards import calibrate_boards, connect, make_safe
 from haptic_accel.kits.bringup.signal_checks import Check
-from haptic_accel.setup import rig_file
+from haptic_accel.setup import note_step, noted_steps, teleoperation_words, update_parameter_file
 
 TRIAL = 10
 """Duration of a trial with a controller, s, as in the paper."""
@@ -52,7 +52,7 @@ def identify(bench: benches.Bench) -> None:
     if scale := _identified(bench).get(FULL_SCALE):
         mass = bench.number("type the mass of all that moves with the handle, without m_a, kg")
         full_scale = {"audio": {"full_scale": float(f"{scale['value'] * mass:.4g}")}}
-        rig_file.update_parameter_file(bench.path, {"master_device": full_scale})
+        update_parameter_file(bench.path, {"master_device": full_scale})
         bench.person.tell("force scale found: repeat the identification with forces in N")
         _identified(bench)
     bench.notes.append("the model is in this file")
@@ -126,7 +126,7 @@ def _more_time(bench: benches.Bench) -> str:
     latency = bench.parameters(benches.MASTER)[0].latency + 1
     if latency > MOST_LATENCY:
         return "close other programs, and run haptic-accel doctor"
-    rig_file.update_parameter_file(bench.path, {node: {"latency": latency} for node in TIMED})
+    update_parameter_file(bench.path, {node: {"latency": latency} for node in TIMED})
     return f"forces have {latency} samples of time from now on; measure again"
 
 
@@ -155,7 +155,7 @@ class BringUp:
 
     def __init__(self, arguments: benches.BringUpArguments, person: benches.Person) -> None:
         self._bench = benches.Bench(arguments, person)
-        noted = rig_file.noted_steps(self._bench.path)
+        noted = noted_steps(self._bench.path)
         self._done = dict[str, str]()
         for step in benches.STEPS:
             if step not in noted or step == arguments.redo:
@@ -185,8 +185,8 @@ class BringUp:
                 raise benches.BringUpError(str(error)) from None
             bench.person.show(None)
             text = "; ".join(bench.notes) or "nothing to do"
-            rig_file.note_step(bench.path, step, f"{datetime.now():%Y-%m-%d %H:%M}: {text}")
-        return rig_file.teleoperation_words("", bench.path, "controller:=adaptive")
+            note_step(bench.path, step, f"{datetime.now():%Y-%m-%d %H:%M}: {text}")
+        return teleoperation_words("", bench.path, "controller:=adaptive")
 
 
 if TYPE_CHECKING:
@@ -243,8 +243,7 @@ def _bring_up_on_page(arguments: BringUpArguments, terminal: _Terminal) -> None:
     """Bring up a rig at a page, which is served until the page or Ctrl-C ends the bring-up."""
     # Imported here, because the server is slow to import and the terminal does not need it.
     from haptic_accel.kits.bringup.guide import Guide
-    from haptic_accel.scope.access import LOCAL_HOST, Access
-    from haptic_accel.scope.server import ScopeServer
+    from haptic_accel.scope import LOCAL_HOST, Access, ScopeServer
 
     guide = Guide(STEPS)
     rig = BringUp(arguments, _Both(terminal, guide))

@@ -15,8 +15,7 @@ import numpy as np
 from haptic_accel import FloatArray, ParameterError
 from haptic_accel.core.parameters import shown
 from haptic_accel.kits.bringup.bench import NOT_PASSED, PASSED, Watched
-from haptic_accel.scope.server import CommandError, check_choice
-from haptic_accel.scope.windows import Windows
+from haptic_accel.scope import CommandError, Windows, check_choice
 
 KEPT_LINES = 200
 """Maximum number of lines of a step on a page."""

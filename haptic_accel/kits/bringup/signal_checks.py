@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_accel import FloatArray
-from haptic_accel.devices.serial.calibration import STILL
-from haptic_accel.devices.sound_bench import MOST_HEARD
+from haptic_accel.devices import MOST_HEARD
+from haptic_accel.devices.serial import STILL
 
 MOST_MISSING = 0.01
 """Maximum fraction of missing samples: identification omits trials with more."""

@@ -20,13 +20,17 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from haptic_accel import FloatArray
-from haptic_accel.core.model import vector
-from haptic_accel.devices.can import protocol
-from haptic_accel.devices.can.arm import kinematics_of
-from haptic_accel.devices.can.device import frame_of, message_of
-from haptic_accel.devices.can.parameters import STREAMED, CanParameters
+from haptic_accel.core import vector
+from haptic_accel.devices import SimulatedDevice
+from haptic_accel.devices.can import (
+    STREAMED,
+    CanParameters,
+    frame_of,
+    kinematics_of,
+    message_of,
+    protocol,
+)
 from haptic_accel.devices.can.protocol import HEARTBEAT_RATE, HIGHEST_ID, AxisState, Command, Frame
-from haptic_accel.devices.simulated import SimulatedDevice
 from haptic_accel.kits.emulators import faults as fault
 from haptic_accel.kits.emulators.faults import Faults
 from haptic_accel.kits.emulators.pseudo_terminal import PseudoTerminal

@@ -20,24 +20,19 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from haptic_accel import Axes, Checked, GraphArguments, Setup, Vector, commands, parameter
-from haptic_accel.cli.running import is_ours
-from haptic_accel.core.axes import ALL_AXES
-from haptic_accel.core.bounded_files import located
-from haptic_accel.core.model import GRAVITY, ZERO
+from haptic_accel.commands import is_ours
+from haptic_accel.core import ALL_AXES, GRAVITY, ZERO, RigParameters, located
 from haptic_accel.core.parameters import from_flat, like
-from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.tick import PositionPositionCoupling
-from haptic_accel.devices.can.device import bus_configuration, open_bus
-from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
-from haptic_accel.devices.serial.device import HIGHEST_BOARD_RATE, MISSING_LIBRARY
-from haptic_accel.devices.simulated import SimulatedDevice, SimulatedMaster, SimulatedSlave
-from haptic_accel.graph.relaying import RELAY_PRIORITY, RelayArguments, open_relay, serve_relay
-from haptic_accel.graph.stop_signal import hurry
+from haptic_accel.devices import SimulatedDevice, SimulatedMaster, SimulatedSlave
+from haptic_accel.devices.can import KINEMATICS, CanParameters, bus_configuration, open_bus
+from haptic_accel.devices.serial import HIGHEST_BOARD_RATE, MISSING_LIBRARY
+from haptic_accel.graph import RELAY_PRIORITY, RelayArguments, hurry, open_relay, serve_relay
 from haptic_accel.kits.emulators.can_line import BusPort, CanLine, EmulatedArm, SlcanPort
 from haptic_accel.kits.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, UNPLUG, FaultKind, Faults
 from haptic_accel.kits.emulators.pseudo_terminal import run
 from haptic_accel.links import host_and_port, is_loopback
-from haptic_accel.setup.files import parameter_text
+from haptic_accel.setup import parameter_text
 
 if TYPE_CHECKING:
     from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines

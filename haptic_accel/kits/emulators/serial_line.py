@@ -15,11 +15,9 @@ from operator import attrgetter
 from pathlib import Path
 
 from haptic_accel import Vector
-from haptic_accel.core import tick
-from haptic_accel.core.actuator.safety import SafetyParameters
-from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
-from haptic_accel.core.model import ZERO
+from haptic_accel.core import ZERO, Engagement, EngagementParameters, SafetyParameters, tick
 from haptic_accel.core.topics import ARMS
+from haptic_accel.devices import SimulatedDevice
 from haptic_accel.devices.serial import protocol
 from haptic_accel.devices.serial.protocol import (
     CLOCKS,
@@ -33,7 +31,6 @@ from haptic_accel.devices.serial.protocol import (
     SetCurrent,
     State,
 )
-from haptic_accel.devices.simulated import SimulatedDevice
 from haptic_accel.kits.emulators.faults import DROP, GARBAGE, STALL, UNPLUG, Faults
 from haptic_accel.kits.emulators.pseudo_terminal import BUFFER, PseudoTerminal
 

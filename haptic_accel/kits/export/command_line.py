@@ -15,11 +15,10 @@ from tempfile import TemporaryDirectory
 import click
 from rich.progress import TaskID
 
-from haptic_accel import Bag, ParameterError
-from haptic_accel.bags.spooling import spooled_bags
-from haptic_accel.commands import FILE, StoppedError, interrupted_by_signals, progress_bar, verb
+from haptic_accel import Bag, ParameterError, commands
+from haptic_accel.bags import spooled_bags
+from haptic_accel.core import whole_folder
 from haptic_accel.core.parameters import one_line, printable
-from haptic_accel.core.safe_writing import whole_folder
 from haptic_accel.kits.export.signals import PUBLISHED, Writer, name_of
 
 FPS = 30
@@ -43,15 +42,15 @@ class _Folders(Writer):
         self.write(bag, own)
 
 
-@verb(
+@commands.verb(
     "haptic-accel export bags/plywood --format lerobot --out plywood_set",
     "haptic-accel export bags/* --format parquet --out series",
     "haptic-accel export bags/plywood --format lerobot --camera /camera/image_raw --out set",
     name="export",
 )
-@click.argument("bags", type=FILE, metavar="BAG...", nargs=-1, required=True)
+@click.argument("bags", type=commands.FILE, metavar="BAG...", nargs=-1, required=True)
 @click.option("--format", "form", type=click.Choice(FORMS), required=True, help="Format.")
-@click.option("--out", type=FILE, metavar="FOLDER", required=True, help="New folder.")
+@click.option("--out", type=commands.FILE, metavar="FOLDER", required=True, help="New folder.")
 @click.option(
     "--fps",
     type=click.IntRange(1, 1000),
@@ -108,12 +107,12 @@ def export(
     # Load libraries before handling signals: an interruption while loading may crash them.
     made_for = _writer(form, fps or FPS, rate or 0.0, task, cameras)
     try:
-        with interrupted_by_signals(), whole_folder(out) as folder:
+        with commands.interrupted_by_signals(), whole_folder(out) as folder:
             writer = made_for(folder)
             _write(writer, bags, folder.parent, {"licence": licence, "author": author})
     except OSError as error:
         reason = error.strerror or one_line(error)
-        raise StoppedError(f"out = '{out}': cannot be written: {reason}") from None
+        raise commands.StoppedError(f"out = '{out}': cannot be written: {reason}") from None
     for note in writer.notes:
         print(note)
     print(f"{form}: {out}")
@@ -122,7 +121,7 @@ def export(
 def _write(writer: Writer, bags: Sequence[Path], beside: Path, published: dict[str, str]) -> None:
     """Write the bags in turn; write their signals to the folder `beside` the result."""
     taken: set[str] = set()
-    with progress_bar() as progress:
+    with commands.progress_bar() as progress:
         for path in bags:
             task = progress.add_task(f"reading {name_of(path)}", total=1.0)
 

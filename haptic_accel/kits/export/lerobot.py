@@ -32,9 +32,9 @@ from PIL import Image
 from pyarrow import parquet
 
 from haptic_accel import Axes, Bag, ParameterError
-from haptic_accel.analysis.description import UNKNOWN
-from haptic_accel.bags.reading import messages_of
-from haptic_accel.core.axes import ALL_AXES, VIBRATION
+from haptic_accel.analysis import UNKNOWN
+from haptic_accel.bags import messages_of
+from haptic_accel.core import ALL_AXES, VIBRATION
 from haptic_accel.core.parameters import one_line, shown
 from haptic_accel.core.sampling import NANOSECONDS, IntArray
 from haptic_accel.kits.export import frames

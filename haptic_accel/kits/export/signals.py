@@ -16,15 +16,13 @@ from typing import Any
 import numpy as np
 
 from haptic_accel import Bag, FloatArray, ParameterError, __version__
-from haptic_accel.analysis.description import described, sections
-from haptic_accel.bags.reading import Signal
-from haptic_accel.core import topics
-from haptic_accel.core.axes import ALL_AXES
+from haptic_accel.analysis import described, sections
+from haptic_accel.bags import Signal
+from haptic_accel.core import ALL_AXES, topics
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, missing_samples, sampling_rate
 from haptic_accel.core.topics import DEVICES, Topic
+from haptic_accel.setup import Parameters, known_arguments, node_schema
 from haptic_accel.setup.arguments import POINTER, SIMULATED, VIRTUAL
-from haptic_accel.setup.node_parameters import node_schema
-from haptic_accel.setup.setup import Parameters, known_arguments
 
 SCHEMA = 1
 """Version of the names and the order of vibration in learning datasets."""

@@ -18,7 +18,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.io import wavfile
 
 from haptic_accel import Bag, FloatArray, ParameterError, resampled
-from haptic_accel.core.reduction import REDUCTIONS
+from haptic_accel.core import REDUCTIONS
 from haptic_accel.core.sampling import NANOSECONDS, SPARSE
 from haptic_accel.kits.export import signals
 from haptic_accel.kits.export.frames import CLOCKS, recorded_rate

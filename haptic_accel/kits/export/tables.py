@@ -13,8 +13,8 @@ import pyarrow as pa
 from pyarrow import csv, parquet
 
 from haptic_accel import Bag
-from haptic_accel.bags.reading import Signal
-from haptic_accel.core.axes import ALL_AXES
+from haptic_accel.bags import Signal
+from haptic_accel.core import ALL_AXES
 from haptic_accel.kits.export.signals import PART, descriptions, signals_of, write_json
 
 METADATA_KEY = b"haptic_accel"

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from haptic_accel import FloatArray
-from haptic_accel.core.axes import VIBRATION
+from haptic_accel.core import VIBRATION
 from haptic_accel.core.parameters import one_line
 from haptic_accel.kits.lerobot import fast_path
 from haptic_accel.setup.arguments import SIMULATED

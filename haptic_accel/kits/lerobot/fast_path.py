@@ -19,11 +19,9 @@ import numpy as np
 
 from haptic_accel import Axes, FloatArray, ParameterError, Setup, Vector
 from haptic_accel.core.process import module_command
-from haptic_accel.devices import DeviceError
-from haptic_accel.devices.sound_bench import NO_ARM
+from haptic_accel.devices import NO_ARM, DeviceError
 from haptic_accel.setup import arguments as names
-from haptic_accel.setup.node_parameters import build_device
-from haptic_accel.setup.words import given_keys
+from haptic_accel.setup import build_device, given_keys
 
 WRITTEN, TICKS, LATE, LOST, FELT = range(5)
 """Indices in `Ring.counts`: number of samples so far; of ticks; of ticks late by half a period or

@@ -20,18 +20,17 @@ from contextlib import ExitStack
 
 from haptic_accel import GraphArguments, ParameterError, Setup
 from haptic_accel.commands import DONE, FAILED
+from haptic_accel.core import Compensation, build_loop
 from haptic_accel.core import tick as ticks
-from haptic_accel.core.control.compensation import Compensation
 from haptic_accel.core.parameters import one_line
 from haptic_accel.core.process import ENDING
-from haptic_accel.core.simulated_rig import build_loop
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import Device, DeviceError
-from haptic_accel.graph.stop_signal import PendingStop, own_domain
+from haptic_accel.graph import PendingStop, own_domain
 from haptic_accel.kits.lerobot.fast_path import FELT, LATE, RUNNING, TICKS, WRITTEN, Ring
 from haptic_accel.nodes import timing
+from haptic_accel.setup import SAFETY, build_device
 from haptic_accel.setup.arguments import parse_arguments
-from haptic_accel.setup.node_parameters import SAFETY, build_device
 
 FELT_TIME, LOOKING_PERIOD = 500_000_000, 100_000_000
 """Time for which a request lets the coil move, ns: much longer than a frame of LeRobot, and short

@@ -9,9 +9,7 @@ The link is a separate process, the only one that the network can reach.
 from __future__ import annotations
 
 from haptic_accel.kits.link.half_coupler import HalfCoupler
-from haptic_accel.nodes.loop_runner import join
-from haptic_accel.nodes.scheduling import run_nodes
-from haptic_accel.nodes.slave_device import build_slave_device
+from haptic_accel.nodes import build_slave_device, join, run_nodes
 
 
 def main() -> None:

@@ -22,16 +22,15 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from haptic_accel import ParameterError
-from haptic_accel.graph.stop_signal import own_domain
+from haptic_accel.graph import own_domain
 from haptic_accel.kits.link.authentication import TAG_LENGTH, Authenticator, read_key
 from haptic_accel.kits.link.local import LINK, LONGEST_DATAGRAM, LocalEnd
 from haptic_accel.kits.link.zenoh import ZenohCarrier
 from haptic_accel.links import UDP, LinkNodeParameters, Route, bound, check_peer, route
-from haptic_accel.nodes.scheduling import LOOK_ROUND, TEARDOWN, Signals, run_process
+from haptic_accel.nodes import LOOK_ROUND, TEARDOWN, Signals, run_process
 from haptic_accel.nodes.timing import ask_for_realtime
+from haptic_accel.setup import build_parameters, read_parameter_file
 from haptic_accel.setup.arguments import LOG_LEVELS
-from haptic_accel.setup.files import read_parameter_file
-from haptic_accel.setup.node_parameters import build_parameters
 
 END_CHECK_PERIOD = 0.25
 """Interval of checks for the end while nothing is received, s."""

@@ -19,28 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import click
 from rich.progress import Progress
 
-from haptic_accel import ParameterError
-from haptic_accel.cli.running import STOP_KEY
-from haptic_accel.commands import (
-    FAILED,
-    FILE,
-    Column,
-    ResultTable,
-    Row,
-    StoppedError,
-    json_option,
-    make_folder,
-    next_command,
-    on_keys,
-    one_of,
-    print_table,
-    progress_bar,
-    save,
-    show_page,
-    stop_on_signal,
-    verb,
-    workers_options,
-)
+from haptic_accel import ParameterError, commands
 from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.kits.study import folder as folders
@@ -73,7 +52,7 @@ def study_argument(verb: F) -> F:
     def with_study(*arguments: Any, study: Path, **settings: Any) -> Any:
         return verb(*arguments, study=folders.Study(study), **settings)
 
-    argument = click.argument("study", metavar="[STUDY]", type=FILE, default=".")
+    argument = click.argument("study", metavar="[STUDY]", type=commands.FILE, default=".")
     return cast("F", argument(with_study))
 
 
@@ -89,22 +68,22 @@ open_option = click.option(
 )
 
 
-@verb("haptic-accel study new --template compensated_or_not my_study")
+@commands.verb("haptic-accel study new --template compensated_or_not my_study")
 @click.option(
     "--template",
     required=True,
-    type=one_of(folders.templates()),
+    type=commands.one_of(folders.templates()),
     metavar="NAME",
     help=f"One of {', '.join(folders.templates())}.",
 )
-@click.argument("folder", metavar="FOLDER", type=FILE)
+@click.argument("folder", metavar="FOLDER", type=commands.FILE)
 def new(template: str, folder: Path) -> None:
     """Write a study from a template: one file to read, and to change."""
     print(folders.write_template(template, folder))
-    print(next_command("study", "check", str(folder)))
+    print(commands.next_command("study", "check", str(folder)))
 
 
-@verb("haptic-accel study check my_study")
+@commands.verb("haptic-accel study check my_study")
 @study_argument
 def check(study: folders.Study) -> None:
     """Check that a study can be run as it is written, and describe what it asks.
@@ -115,11 +94,11 @@ def check(study: folders.Study) -> None:
     check_deliverable(study.protocol)
     Plan(study.protocol, 0, 0)
     print(*describe(study.protocol), sep="\n")
-    print(next_command("study", "simulate", str(study.folder)))
+    print(commands.next_command("study", "simulate", str(study.folder)))
     check_blanks(study.protocol)
 
 
-@verb(
+@commands.verb(
     "haptic-accel study simulate my_study --studies 500",
     "haptic-accel study simulate my_study --write tried",
 )
@@ -137,12 +116,12 @@ def check(study: folders.Study) -> None:
 @click.option(
     "--write",
     "written",
-    type=FILE,
+    type=commands.FILE,
     metavar="FOLDER",
     help="New folder for one simulated study, unblinded; no power is estimated.",
 )
-@workers_options
-@json_option
+@commands.workers_options
+@commands.json_option
 def simulate(
     study: folders.Study,
     *,
@@ -178,13 +157,15 @@ def simulate(
     by_test = zip(protocol.tests, zip(*outcomes, strict=True), strict=bool(outcomes))
     powers = [power(test.name, significant) for test, significant in by_test]
     print(f"{len(outcomes)} simulated studies with {count} participants")
-    print_table(ResultTable.of(POWER, powers, title=titled(protocol, simulated=True).title))
-    save([asdict(each) for each in powers], json_file)
+    commands.print_table(
+        commands.ResultTable.of(POWER, powers, title=titled(protocol, simulated=True).title)
+    )
+    commands.save([asdict(each) for each in powers], json_file)
     if end:
         raise end
 
 
-@verb("haptic-accel study run my_study --participant P07")
+@commands.verb("haptic-accel study run my_study --participant P07")
 @study_argument
 @participant_option
 @port_option
@@ -205,7 +186,7 @@ def run(study: folders.Study, *, participant: str, port: int, opened: bool) -> N
     _run_session(study, study.begin(participant), port, opened=opened)
 
 
-@verb("haptic-accel study resume my_study --participant P07")
+@commands.verb("haptic-accel study resume my_study --participant P07")
 @study_argument
 @participant_option
 @port_option
@@ -218,24 +199,26 @@ def resume(study: folders.Study, *, participant: str, port: int, opened: bool) -
     _run_session(study, study.resume(participant), port, opened=opened)
 
 
-@verb("haptic-accel study status my_study")
+@commands.verb("haptic-accel study status my_study")
 @study_argument
-@json_option
+@commands.json_option
 def status(study: folders.Study, json_file: Path | None) -> None:
     """Show the participants' progress and exposure, without conditions and answers."""
     sessions = study.sessions
     rows = [_status(study, session) for session in sessions]
     complete = sum(row["state"] == COMPLETE for row in rows)
     planned = study.protocol.rules.participants
-    print_table(ResultTable.of(STATUS, rows, title=titled(study.protocol, sessions).title))
+    commands.print_table(
+        commands.ResultTable.of(STATUS, rows, title=titled(study.protocol, sessions).title)
+    )
     print(f"{complete} of {planned} participants complete")
     unblinded = _unblinded(study)
     print(f"unblinded on {unblinded}" if unblinded else "conditions are sealed")
     _print_doubts(study)
-    save({"participants": rows, "planned": planned, "sealed": study.sealed}, json_file)
+    commands.save({"participants": rows, "planned": planned, "sealed": study.sealed}, json_file)
 
 
-@verb("haptic-accel study verify my_study")
+@commands.verb("haptic-accel study verify my_study")
 @study_argument
 def verify(study: folders.Study) -> None:
     """Compare all logs with the journal, and print their heads to compare with the notebook.
@@ -246,12 +229,14 @@ def verify(study: folders.Study) -> None:
     ends = study.ends
     rows = [{**asdict(each), "at": _date(each.at)} for each in ends]
     sessions = study.sessions
-    print_table(ResultTable.of(ENDS, rows, title=titled(study.protocol, sessions).title))
+    commands.print_table(
+        commands.ResultTable.of(ENDS, rows, title=titled(study.protocol, sessions).title)
+    )
     _print_doubts(study)
     print(f"{len(sessions)} logs do not contradict the journal")
 
 
-@verb("haptic-accel study unblind my_study --reason 'all participants are complete'")
+@commands.verb("haptic-accel study unblind my_study --reason 'all participants are complete'")
 @study_argument
 @click.option("--reason", required=True, metavar="TEXT", help="Reason, kept in the journal.")
 @yes_option
@@ -268,10 +253,10 @@ def unblind(study: folders.Study, *, reason: str, yes: bool) -> None:
         state = f"{included} of {planned} participants have completed the study."
         click.confirm(f"{state} Unblind for ever, before its end?", abort=True)
     study.unblind(reason)
-    print(next_command("study", "analyze", str(study.folder)))
+    print(commands.next_command("study", "analyze", str(study.folder)))
 
 
-@verb("haptic-accel study analyze my_study")
+@commands.verb("haptic-accel study analyze my_study")
 @study_argument
 def analyze(study: folders.Study) -> None:
     """Write the report of an unblinded study to its folder analysis: page, figures and tables.
@@ -287,14 +272,20 @@ def analyze(study: folders.Study) -> None:
     for participant, rule in result.excluded.items():
         print(f"{participant} is excluded: {rule}")
     if result.planned:
-        print_table(ResultTable.of(PLANNED, result.planned, title=result.protocol.title))
+        commands.print_table(
+            commands.ResultTable.of(PLANNED, result.planned, title=result.protocol.title)
+        )
     print(f"report: {page}")
 
 
-@verb("haptic-accel study export my_study --form bids")
+@commands.verb("haptic-accel study export my_study --form bids")
 @study_argument
 @click.option(
-    "--form", type=one_of(FORMS), default="psych-ds", metavar="|".join(FORMS), help="Form."
+    "--form",
+    type=commands.one_of(FORMS),
+    default="psych-ds",
+    metavar="|".join(FORMS),
+    help="Form.",
 )
 def export(study: folders.Study, form: str) -> None:
     """Write the data of an unblinded study to its folder export, without dates or names."""
@@ -304,7 +295,7 @@ def export(study: folders.Study, form: str) -> None:
     print(f"{form}: {folder}")
 
 
-@verb(
+@commands.verb(
     "haptic-accel study delete-participant my_study --participant P07", name="delete-participant"
 )
 @study_argument
@@ -330,46 +321,48 @@ def delete_participant(study: folders.Study, *, participant: str, yes: bool) -> 
 
 
 PLANNED = (
-    Column("", "planned test", value=lambda each: each.test.name),
-    Column("", "participants", value=lambda each: len(each.values)),
-    Column("", "mean", "", 2, value=lambda each: each.mean.value),
-    Column("", "from", "", 2, value=lambda each: each.mean.low),
-    Column("", "to", "", 2, value=lambda each: each.mean.high),
-    Column("", "against", "", 2, value=lambda each: each.against),
-    Column("", "p", value=lambda each: _two_digits(each.outcome.p)),
+    commands.Column("", "planned test", value=lambda each: each.test.name),
+    commands.Column("", "participants", value=lambda each: len(each.values)),
+    commands.Column("", "mean", "", 2, value=lambda each: each.mean.value),
+    commands.Column("", "from", "", 2, value=lambda each: each.mean.low),
+    commands.Column("", "to", "", 2, value=lambda each: each.mean.high),
+    commands.Column("", "against", "", 2, value=lambda each: each.against),
+    commands.Column("", "p", value=lambda each: _two_digits(each.outcome.p)),
 )
 """Planned tests of an analysis, with the interval of the test."""
 
 POWER = (
-    Column("name", "test"),
-    Column("share", "power", "", 2),
-    Column("low", "95 % from", "", 2),
-    Column("high", "to", "", 2),
+    commands.Column("name", "test"),
+    commands.Column("share", "power", "", 2),
+    commands.Column("low", "95 % from", "", 2),
+    commands.Column("high", "to", "", 2),
 )
 """Power of the planned tests."""
 
 STATUS = (
-    Column("participant", "participant"),
-    Column("state", "state"),
-    Column("progress", "done", "%", 0, factor=100.0),
-    Column("trials", "trials"),
-    Column("undelivered", "not delivered"),
-    Column("minutes", "min", "", 1),
-    Column("exposure", "A(8)", "m/s^2", 2),
+    commands.Column("participant", "participant"),
+    commands.Column("state", "state"),
+    commands.Column("progress", "done", "%", 0, factor=100.0),
+    commands.Column("trials", "trials"),
+    commands.Column("undelivered", "not delivered"),
+    commands.Column("minutes", "min", "", 1),
+    commands.Column("exposure", "A(8)", "m/s^2", 2),
 )
 """Columns on a participant that an operator may see."""
 
 ENDS = (
-    Column("participant", "participant"),
-    Column("at", "end of a sitting"),
-    Column("line", "line"),
-    Column("head", "head"),
-    Column("in_journal", "in the journal", value=lambda row: "yes" if row["in_journal"] else "no"),
+    commands.Column("participant", "participant"),
+    commands.Column("at", "end of a sitting"),
+    commands.Column("line", "line"),
+    commands.Column("head", "head"),
+    commands.Column(
+        "in_journal", "in the journal", value=lambda row: "yes" if row["in_journal"] else "no"
+    ),
 )
 """Columns of the heads of logs."""
 
 
-def _status(study: folders.Study, session: SessionRecord) -> Row:
+def _status(study: folders.Study, session: SessionRecord) -> commands.Row:
     plan = Plan(study.version(session.digest), session.seed, session.row)
     for record in session.records:
         plan.record(record)
@@ -457,15 +450,15 @@ def _significant(protocol: Protocol, participants: int, seed: int) -> list[bool]
 
 def _write_simulated(study: folders.Study, folder: Path, participants: int, seed: int) -> None:
     """Write a simulated study, with a note of the simulation in its journal."""
-    make_folder(folder)
+    commands.make_folder(folder)
     (folder / folders.PROTOCOL).write_text(study.protocol.content, encoding="utf-8")
     simulated = folders.Study(folder)
-    with progress_bar() as progress:
+    with commands.progress_bar() as progress:
         bar = progress.add_task("observers", total=participants)
         for _ in write_simulated(simulated, participants, seed):
             progress.advance(bar)
     simulated.unblind("simulated observers")
-    print(next_command("study", "analyze", str(folder)))
+    print(commands.next_command("study", "analyze", str(folder)))
 
 
 def _run_session(study: folders.Study, log: Log, port: int, *, opened: bool) -> None:
@@ -482,8 +475,8 @@ def _run_session(study: folders.Study, log: Log, port: int, *, opened: bool) -> 
     print(f"for the notebook: {begun.participant}, line {len(log.heads)}, {folders.noted(head)}")
     if ended != COMPLETE:
         again = ("study", "resume", str(study.folder), "--participant", begun.participant)
-        print(next_command(*again))
-        raise StoppedError(status=INTERRUPTED if ended == OPERATOR else FAILED)
+        print(commands.next_command(*again))
+        raise commands.StoppedError(status=INTERRUPTED if ended == OPERATOR else commands.FAILED)
 
 
 def _ended(
@@ -507,15 +500,15 @@ def _ended(
         try:
             stack.enter_context(rig)
         except UndeliveredError as error:
-            raise StoppedError(str(error)) from None
+            raise commands.StoppedError(str(error)) from None
         page = ParticipantPage(texts, rig, port, protocol.masking.level)
-        watch = _watch(stack.enter_context(progress_bar()), begun.participant)
+        watch = _watch(stack.enter_context(commands.progress_bar()), begun.participant)
         session = Session(protocol, plan, log, rig, page, watch)
         address = page.start()
         stack.callback(page.close)
-        stack.enter_context(stop_on_signal(lambda: page.stop(OPERATOR)))
-        stack.enter_context(on_keys({STOP_KEY: stop_at_once}))
-        show_page(address, opened=opened)
+        stack.enter_context(commands.stop_on_signal(lambda: page.stop(OPERATOR)))
+        stack.enter_context(commands.on_keys({commands.STOP_KEY: stop_at_once}))
+        commands.show_page(address, opened=opened)
         ended = session.run().ended
         time.sleep(LAST_SCREEN)
         return ended

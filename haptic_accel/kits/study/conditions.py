@@ -13,16 +13,16 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from haptic_accel import ChannelParameters, GraphArguments, ParameterError, preset_file
-from haptic_accel.core.control.channel import LARGEST_GAIN
+from haptic_accel.core import LARGEST_GAIN
 from haptic_accel.core.document import Document, load_yaml
 from haptic_accel.core.parameters import Specification, checked
 from haptic_accel.kits.study.procedures import expected_minutes
 from haptic_accel.kits.study.protocol import Condition, Protocol, Value
 from haptic_accel.kits.study.reading import ARGUMENTS, GAIN, NETWORK, TEXTS, word
-from haptic_accel.materials.folders import is_recording
+from haptic_accel.materials import is_recording
 from haptic_accel.setup import arguments as names
+from haptic_accel.setup import graph
 from haptic_accel.setup.arguments import parse_arguments
-from haptic_accel.setup.processes import graph
 
 LIVE = ("controller", GAIN, "surface", "grip", "reduction", NETWORK)
 """Factors that can change while a graph runs; a surface only if it is no recording."""

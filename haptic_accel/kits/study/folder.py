@@ -33,9 +33,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 from haptic_accel import ParameterError
-from haptic_accel.core.bounded_files import located, opened
+from haptic_accel.core import located, opened, replace_file
 from haptic_accel.core.parameters import shown, suggestion
-from haptic_accel.core.safe_writing import replace_file
 from haptic_accel.kits.study.log import (
     END,
     LARGEST_LOG,
@@ -52,7 +51,7 @@ from haptic_accel.kits.study.log import (
 from haptic_accel.kits.study.protocol import Protocol
 from haptic_accel.kits.study.reading import read_protocol
 from haptic_accel.kits.study.trials import COMPLETE, SessionRecord
-from haptic_accel.materials.folders import config_folder
+from haptic_accel.materials import config_folder
 
 HEAD, DELETION = "head", "deletion"
 """Kinds of lines of the journal: a sitting's end, and the deletion of a participant."""

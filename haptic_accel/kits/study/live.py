@@ -12,37 +12,31 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from haptic_accel import ChannelParameters, GraphArguments, ParameterError
-from haptic_accel.core.control.channel import RAMP
-from haptic_accel.core.control.fallback import NO_CONTROLLER
-from haptic_accel.graph.locks import sole_graph
-from haptic_accel.graph.networked import RelayError, RelayProcess, networked_graph
-from haptic_accel.graph.supervisor import BackgroundGraph
+from haptic_accel import (
+    ChannelParameters,
+    GraphArguments,
+    ParameterError,
+    graph,
+    nodes,
+    scope,
+    setup,
+)
+from haptic_accel.core import NO_CONTROLLER, RAMP
 from haptic_accel.kits.study.conditions import arguments, channel, live
 from haptic_accel.kits.study.exposure import WeightedDose
 from haptic_accel.kits.study.protocol import Condition, Protocol, Value
 from haptic_accel.kits.study.trials import PresentedStimulus, StoppedError, UndeliveredError
-from haptic_accel.nodes.graph_requests import SETTINGS, set_controller, set_gain
-from haptic_accel.nodes.graph_view import GraphView
-from haptic_accel.nodes.joined_view import JoinedView, open_joined_view
-from haptic_accel.nodes.service_client import RequestError
-from haptic_accel.scope.frames import SCENE
-from haptic_accel.scope.intervals import INTERVAL_MARGIN, late_percent, measure
-from haptic_accel.scope.state import LEVELS
-from haptic_accel.scope.windows import CONTROLLER_CHANGE_TIME, Windows
-from haptic_accel.setup.processes import graph
-from haptic_accel.setup.setup import RECORDER
 
 NODE = "study"
 """Name of the node that follows the graph."""
 
-SIGNALS = ("desired", "actual", "force", SCENE)
+SIGNALS = ("desired", "actual", "force", scope.SCENE)
 """Signals for the measures, and for the participant's page."""
 
 STARTING_TIME = 60.0
 """Longest time from the start of a graph until its arms are engaged, s."""
 
-SETTING, SETTLING = 0.2, CONTROLLER_CHANGE_TIME + 0.05
+SETTING, SETTLING = 0.2, scope.CONTROLLER_CHANGE_TIME + 0.05
 """Times from the request of a condition until all settings are made, and from then until the
 fade-in, s. They are constant, so that they do not reveal the changed settings. Meanwhile filters
 settle, and another reduction takes over."""
@@ -74,15 +68,15 @@ class LiveRig:
         Latest signals for a page, while the context is entered.
     """
 
-    windows: Windows
+    windows: scope.Windows
 
     def __init__(self, protocol: Protocol, folder: Path) -> None:
         self._protocol, self._folder = protocol, folder
         self._context, self._network = ExitStack(), ExitStack()
-        self._relay: RelayProcess | None = None
-        self._joined: JoinedView
-        self._view: GraphView
-        self._graph: BackgroundGraph | None = None
+        self._relay: graph.RelayProcess | None = None
+        self._joined: nodes.JoinedView
+        self._view: nodes.GraphView
+        self._graph: graph.BackgroundGraph | None = None
         self._arguments: GraphArguments
         self._bag = ""
         self._started = 0
@@ -102,9 +96,9 @@ class LiveRig:
         """
         first, _, network = self._needs(self._protocol.conditions[0])
         with ExitStack() as stack:
-            stack.enter_context(sole_graph(first.namespace))
+            stack.enter_context(graph.sole_graph(first.namespace))
             (self._folder / "bags").mkdir(parents=True, exist_ok=True)
-            joined = open_joined_view(first.namespace, NODE, self._follow)
+            joined = nodes.open_joined_view(first.namespace, NODE, self._follow)
             self._joined = stack.enter_context(joined)
             stack.callback(self._close)
             self._start(first, network)
@@ -130,7 +124,7 @@ class LiveRig:
             requested, settings, network = self._needs(condition)
             self._restart(requested, network)
             presented = self._present(settings, network, seconds, begun)
-        except (RequestError, RelayError, ParameterError) as error:
+        except (nodes.RequestError, graph.RelayError, ParameterError) as error:
             self._check()  # if the graph has ended, that is the reason
             raise UndeliveredError(str(error)) from None
         self._retried = False
@@ -159,7 +153,7 @@ class LiveRig:
 
     # The graph
 
-    def _follow(self, view: GraphView) -> None:
+    def _follow(self, view: nodes.GraphView) -> None:
         self._view, self.windows = view, view.windows
         view.receive(SIGNALS)
         view.create_timer(WEIGHING_PERIOD, self._weigh)
@@ -194,16 +188,16 @@ class LiveRig:
         self._arguments = requested
         asked = replace(requested, bag=str(bag), record=True, scope=False)
         if network is None:
-            processes = graph(asked)
+            processes = setup.graph(asked)
         else:
-            sides = self._network.enter_context(networked_graph(asked, network))
+            sides = self._network.enter_context(graph.networked_graph(asked, network))
             processes, self._relay = sides.processes, sides.relay
         for process in processes:
             if COMPENSATOR in process.parameters:
                 process.parameters[COMPENSATOR]["gain"] = 0.0  # until the first stimulus
         self._view.forget()
         self._started = time.time_ns()
-        self._graph = BackgroundGraph(processes, self._folder / "graph.log")
+        self._graph = graph.BackgroundGraph(processes, self._folder / "graph.log")
         self._await_arms()
 
     def _close(self) -> None:
@@ -248,9 +242,10 @@ class LiveRig:
 
     def _check_recorder(self) -> None:
         """Refuse a stimulus that the bag may lack, for example because the disk is full."""
+        bad = scope.LEVELS[1], scope.LEVELS[2]
         for row in self._view.reports.rows(time.monotonic(), ()):
-            if row["name"] == RECORDER and row["state"] in (LEVELS[1], LEVELS[2]):
-                raise UndeliveredError(f"{RECORDER}: {row['message']}")
+            if row["name"] == setup.RECORDER and row["state"] in bad:
+                raise UndeliveredError(f"{setup.RECORDER}: {row['message']}")
 
     # A stimulus
 
@@ -264,9 +259,11 @@ class LiveRig:
         settling = SETTLING + (NETWORK_SETTLING if network else 0.0)
         due = time.monotonic() + SETTING + settling
         gain = float(settings.get("gain", 1.0))
-        changes = [make(settings[name]) for name, make in SETTINGS.items() if name in settings]
+        changes = [
+            make(settings[name]) for name, make in nodes.SETTINGS.items() if name in settings
+        ]
         if "controller" in settings:  # otherwise an unchanged controller would keep its adaptation
-            self._joined.send(set_controller(NO_CONTROLLER))
+            self._joined.send(nodes.set_controller(NO_CONTROLLER))
         self._joined.change(changes)
         if network and self._relay:
             self._relay.begin_anew(network)
@@ -275,15 +272,15 @@ class LiveRig:
         self._await_arms()
         begun()
         try:
-            self._joined.change([set_gain(gain)])
+            self._joined.change([nodes.set_gain(gain)])
             self._wait(RAMP)
             begin = time.time_ns()
             self._wait(seconds)
             end = time.time_ns()
         finally:
             if self._graph and not self._graph.ended:
-                self._joined.change([set_gain(0.0)])
-        self._wait(RAMP + INTERVAL_MARGIN)
+                self._joined.change([nodes.set_gain(0.0)])
+        self._wait(RAMP + scope.INTERVAL_MARGIN)
         after = self._joined.force_counts("master_device")
         self._joined.check(changes)
         self._check_recorder()
@@ -291,8 +288,8 @@ class LiveRig:
         reported = self._view.reports.values(COMPENSATOR, time.monotonic())
         if (substitute := reported.get("replaced by", "-")) != "-":
             has["replaced by"] = substitute
-        late = late_percent(before, after, self._arguments.rate)
-        found = measure(self.windows, begin, end, self._arguments.rate)
+        late = scope.late_percent(before, after, self._arguments.rate)
+        found = scope.measure(self.windows, begin, end, self._arguments.rate)
         if found is None:
             raise UndeliveredError("no samples of the handle's acceleration")
         return PresentedStimulus(**vars(found), bag=self._bag, late=late, read_back=has)

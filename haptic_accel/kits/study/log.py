@@ -27,8 +27,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from haptic_accel import ParameterError
-from haptic_accel.core.bounded_files import located, opened
-from haptic_accel.core.safe_writing import sync_folder
+from haptic_accel.core import located, opened, sync_folder
 from haptic_accel.kits.study import trials
 from haptic_accel.kits.study.protocol import Condition
 

@@ -29,9 +29,8 @@ from haptic_accel.kits.study.trials import (
     StoppedError,
     UndeliveredError,
 )
-from haptic_accel.materials.folders import config_folder
-from haptic_accel.scope.access import LOCAL_HOST, Access
-from haptic_accel.scope.server import CommandError, ScopeServer, Touched, check_choice
+from haptic_accel.materials import config_folder
+from haptic_accel.scope import LOCAL_HOST, Access, CommandError, ScopeServer, Touched, check_choice
 
 A = TypeVar("A")
 

@@ -147,7 +147,7 @@ def standardised(differences: Sequence[float]) -> statistics.Interval:
     """
     found = statistics.paired_difference([0.0] * len(differences), differences)
     n, d = found.n, found.effect
-    if n < statistics.FEWEST_VALUES or math.isnan(d):
+    if n < statistics.FEWEST or math.isnan(d):
         return statistics.Interval(math.nan, math.nan, math.nan, n, "no scatter of participants")
     from scipy.optimize import brentq
     from scipy.special import gammaln, ndtr

@@ -13,10 +13,7 @@ from typing import Any
 
 import pandas as pd
 
-from haptic_accel.analysis import plots
-from haptic_accel.analysis.frames import csv_text
-from haptic_accel.analysis.identification_result import pictures
-from haptic_accel.analysis.provenance import provenance
+from haptic_accel.analysis import csv_text, page_provenance, pictures, plots
 from haptic_accel.core.evaluation.statistics import CONFIDENCE
 from haptic_accel.core.parameters import defined
 from haptic_accel.kits.study import results as findings
@@ -120,7 +117,7 @@ def write_report(result: StudyResult, folder: Path, unblinded: str = "") -> Path
             findings.frame_rows(result.tables.sessions[list(PEOPLE)]), "Sessions"
         ),
         files=files,
-        settings={**_settings(result.protocol), **provenance()},
+        settings={**_settings(result.protocol), **page_provenance()},
     )
     return folder / PAGE
 

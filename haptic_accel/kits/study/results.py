@@ -18,8 +18,8 @@ from haptic_accel import FloatArray
 from haptic_accel.analysis import plots
 from haptic_accel.analysis.plots import FittedCurve, Strip
 from haptic_accel.commands import ResultTable, Row
+from haptic_accel.core import DASH
 from haptic_accel.core.evaluation.statistics import Interval, mean_interval
-from haptic_accel.core.tables import DASH
 from haptic_accel.kits.study import planned_tests
 from haptic_accel.kits.study.procedures import distance, labels
 from haptic_accel.kits.study.protocol import Condition, Levels, Protocol

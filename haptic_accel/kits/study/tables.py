@@ -26,7 +26,7 @@ import pandas as pd
 
 import haptic_accel
 from haptic_accel import ParameterError
-from haptic_accel.analysis.frames import csv_text
+from haptic_accel.analysis import csv_text
 from haptic_accel.commands import Column, Row
 from haptic_accel.kits.study import trials as records
 from haptic_accel.kits.study.exposure import daily_exposure

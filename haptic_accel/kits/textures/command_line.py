@@ -20,30 +20,20 @@ from haptic_accel import (
     Provenance,
     Texture,
     TextureModel,
+    commands,
     preset_file,
     read_texture,
     resampled,
 )
-from haptic_accel.commands import (
-    FILE,
-    check_writable,
-    json_option,
-    listed_words,
-    next_command,
-    print_table,
-    save,
-    verb,
-)
-from haptic_accel.core import tables
+from haptic_accel.core import REDUCTIONS, records
 from haptic_accel.core.parameters import printable, warn_once
-from haptic_accel.core.reduction import REDUCTIONS
 from haptic_accel.core.topics import CONTACT_FORCE, SLAVE, SLAVE_ARM_FORCE
-from haptic_accel.devices.playback import bag_track, is_bag
+from haptic_accel.devices import bag_track, is_bag
 from haptic_accel.kits.textures.building import BAND, Built, HeldOut, Recording, Segment, build
 from haptic_accel.kits.textures.foreign import import_texture
+from haptic_accel.materials import write_texture
 from haptic_accel.materials.columns import COLUMNS, FORCE, SPEED, ColumnChoice, Wording
 from haptic_accel.materials.recordings import AXES, FULL_SCALE, cleaned, read_columns, tell_unlike
-from haptic_accel.materials.texture_files import write_texture
 
 MILLI = 1e-3
 
@@ -51,29 +41,29 @@ MOST_DRAWN, MOST_LISTED = 6, 8
 """Maximum number of spectra in a plot, and of groups of segments in a report's table."""
 
 HELD_OUT = (
-    tables.Column("speed_m_s", "speed", "mm/s", 0, lambda each: each.speed, 1 / MILLI),
-    tables.Column("force_n", "force", "N", 2, lambda each: each.force),
-    tables.Column("seconds", "s", digits=2),
-    tables.Column("distance_db", "distance", "dB", 2, lambda each: each.distance),
-    tables.Column("rms_m_s2", "RMS", "m/s²", 2, lambda each: each.rms),
-    tables.Column("model_rms_m_s2", "model's", "", 2, lambda each: each.modelled_rms),
+    commands.Column("speed_m_s", "speed", "mm/s", 0, lambda each: each.speed, 1 / MILLI),
+    commands.Column("force_n", "force", "N", 2, lambda each: each.force),
+    commands.Column("seconds", "s", digits=2),
+    commands.Column("distance_db", "distance", "dB", 2, lambda each: each.distance),
+    commands.Column("rms_m_s2", "RMS", "m/s²", 2, lambda each: each.rms),
+    commands.Column("model_rms_m_s2", "model's", "", 2, lambda each: each.modelled_rms),
 )
 """Columns of the table of held-out segments."""
 
 NODES = (
-    tables.Column("speed_m_s", "speed", "mm/s", 0, factor=1 / MILLI),
-    tables.Column("force_n", "force", "N", 2),
-    tables.Column("rms_m_s2", "RMS", "m/s²", 2),
+    commands.Column("speed_m_s", "speed", "mm/s", 0, factor=1 / MILLI),
+    commands.Column("force_n", "force", "N", 2),
+    commands.Column("rms_m_s2", "RMS", "m/s²", 2),
 )
 """Columns of the table of a model's nodes."""
 
 
-def held_out_table(built: Built) -> tables.ResultTable:
+def held_out_table(built: Built) -> commands.ResultTable:
     """Return the prediction errors of held-out segments, the largest first."""
     low, high = BAND
     title = f"least well predicted by a model of the other half, {low:g} to {high:g} Hz"
     worst = sorted(built.held_out, key=lambda each: -each.distance)[:MOST_LISTED]
-    return tables.ResultTable.of(HELD_OUT, worst, title=title, left=0)
+    return commands.ResultTable.of(HELD_OUT, worst, title=title, left=0)
 
 
 def described(built: Built) -> Iterator[str]:
@@ -100,11 +90,11 @@ def described(built: Built) -> Iterator[str]:
         yield f"not used: {seconds:.2f} s {reason}"
 
 
-def nodes_table(model: TextureModel) -> tables.ResultTable:
+def nodes_table(model: TextureModel) -> commands.ResultTable:
     """Return the nodes of a model."""
     nodes = sorted(zip(model.speeds, model.forces, model.rms, strict=True))
     rows = [dict(zip((each.key for each in NODES), node, strict=True)) for node in nodes]
-    return tables.ResultTable.of(NODES, rows, title="nodes", left=0)
+    return commands.ResultTable.of(NODES, rows, title="nodes", left=0)
 
 
 def draw(
@@ -163,19 +153,21 @@ _csv_rate = click.option(
     metavar="HZ",
     help="Sampling rate of CSV files without a column of times, Hz; other files state theirs.",
 )
-_new_file = click.option("--out", type=FILE, metavar="FILE", required=True, help="File to write.")
+_new_file = click.option(
+    "--out", type=commands.FILE, metavar="FILE", required=True, help="File to write."
+)
 
 
-@verb(
+@commands.verb(
     "haptic-accel texture build drag1.csv drag2.csv --rate 10000 --out wood.yaml",
     "haptic-accel texture build bags/plywood --out plywood.yaml --json report.json",
     name="build",
 )
-@click.argument("recordings", type=FILE, metavar="CSV|BAG...", nargs=-1, required=True)
+@click.argument("recordings", type=commands.FILE, metavar="CSV|BAG...", nargs=-1, required=True)
 @_csv_rate
 @click.option(
     "--axes",
-    type=listed_words,
+    type=commands.listed_words,
     default="",
     show_default=False,
     metavar="X,Y,Z",
@@ -188,7 +180,7 @@ _new_file = click.option("--out", type=FILE, metavar="FILE", required=True, help
     help="Reduction of the three axes to one signal; dft321 keeps the power of all of them.",
 )
 @_new_file
-@json_option
+@commands.json_option
 def build_texture(
     recordings: Sequence[Path],
     rate: float,
@@ -206,7 +198,7 @@ def build_texture(
     slave's arm. Glitches of sensors are counted and replaced. Beside the model a plot is written:
     spectra, measured and modelled, and the plane of speed and force.
     """
-    check_writable(out, "out")
+    commands.check_writable(out, "out")
     if all(is_bag(str(path)) for path in recordings):
         for name, given in (("rate", f"{rate:g}" if rate else ""), ("axes", ",".join(axes))):
             if given:
@@ -222,7 +214,7 @@ def build_texture(
     write_texture(out, built.model)
     picture = out.with_name(f"{out.stem}_report.png")  # `show` draws the model as NAME.png
     draw(built.model, built.held_out, built.segments).savefig(picture, dpi=150)
-    print_table(held_out_table(built))
+    commands.print_table(held_out_table(built))
     print(*described(built), sep="\n")
     print(f"model: {out}, without a licence so far", f"plot: {picture}", sep="\n")
     metrics = {
@@ -232,10 +224,10 @@ def build_texture(
         "coverage": built.coverage,
         "following": asdict(built.following),
         "follows_speed_and_force": built.following.better,
-        "held_out": tables.records(HELD_OUT, built.held_out),
+        "held_out": records(HELD_OUT, built.held_out),
         "refused": [asdict(each) for each in built.refused],
     }
-    save(metrics, json_file)
+    commands.save(metrics, json_file)
     print(_rendering(built.model, out))
 
 
@@ -243,15 +235,15 @@ def _rendering(model: TextureModel, file: Path) -> str:
     """Return the line with the command that plays a model in the middle of its range."""
     speed, force = f"{np.median(model.speeds) / MILLI:.3g}", f"{np.median(model.forces):.3g}"
     words = (str(file), "--speed", speed, "--force", force, "--out", str(file.with_suffix(".wav")))
-    return next_command("texture", "render", *words)
+    return commands.next_command("texture", "render", *words)
 
 
-@verb(
+@commands.verb(
     "haptic-accel texture import Wood.xml --out wood.yaml",
     "haptic-accel texture import buzz.ahap --calibration 5 --out buzz.yaml",
     name="import",
 )
-@click.argument("file", type=FILE, metavar="FILE")
+@click.argument("file", type=commands.FILE, metavar="FILE")
 @_csv_rate
 @click.option(
     "--calibration",
@@ -268,7 +260,7 @@ def import_file(file: Path, rate: float, calibration: float | None, out: Path) -
     filter of noise as JSON; or a pattern, AHAP or .haptic, whose frequencies and strengths become
     a texture. Patterns and WAV files of whole numbers need a calibration.
     """
-    check_writable(out, "out")
+    commands.check_writable(out, "out")
     model = import_texture(file, rate, calibration)
     write_texture(out, model)
     loudest = model.rms.max()
@@ -277,10 +269,14 @@ def import_file(file: Path, rate: float, calibration: float | None, out: Path) -
     print(_rendering(model, out))
 
 
-@verb("haptic-accel texture show plywood", "haptic-accel texture show wood.yaml --out wood.png")
+@commands.verb(
+    "haptic-accel texture show plywood", "haptic-accel texture show wood.yaml --out wood.png"
+)
 @_model_argument
-@click.option("--out", type=FILE, metavar="FILE", show_default="NAME.png", help="Plot to write.")
-@json_option
+@click.option(
+    "--out", type=commands.FILE, metavar="FILE", show_default="NAME.png", help="Plot to write."
+)
+@commands.json_option
 def show(model: str, out: Path | None, json_file: Path | None) -> None:
     """Show a model's provenance, range and spectra."""
     found = read_texture(preset_file("texture", model))
@@ -289,9 +285,9 @@ def show(model: str, out: Path | None, json_file: Path | None) -> None:
     orders = f"{order} and {moving}" if moving else f"{order}"
     print(f"{printable(found.name)}: order {orders}, {found.rate:g} Hz")
     print(*(f"{name}: {text}" for name, text in about.items()), sep="\n")
-    print_table(nodes_table(found))
+    commands.print_table(nodes_table(found))
     picture = out or Path(f"{found.name}.png")
-    check_writable(picture, "out")
+    commands.check_writable(picture, "out")
     draw(found).savefig(picture, dpi=150)
     print(f"plot: {picture}")
     metrics = {
@@ -305,10 +301,10 @@ def show(model: str, out: Path | None, json_file: Path | None) -> None:
         "largest_rms_m_s2": float(found.rms.max()),
         "provenance": about,
     }
-    save(metrics, json_file)
+    commands.save(metrics, json_file)
 
 
-@verb("haptic-accel texture render plywood --speed 80 --force 1 --out wood.wav")
+@commands.verb("haptic-accel texture render plywood --speed 80 --force 1 --out wood.wav")
 @_model_argument
 @click.option(
     "--speed",
@@ -329,7 +325,7 @@ def render(model: str, speed: float, force: float, seconds: float, out: Path) ->
     """
     from scipy.io import wavfile
 
-    check_writable(out, "out")
+    commands.check_writable(out, "out")
     found = read_texture(preset_file("texture", model))
     texture = Texture(found, found.rate, 0, FULL_SCALE)
     # The low-pass of the speed settles within a tenth of a second.
@@ -367,7 +363,7 @@ def _csv(
 
 def _bag(path: Path) -> Recording:
     """Return the slave's recording in a bag, with the contact force or else the arm force."""
-    from haptic_accel.bags.reading import read_bag_with_warnings
+    from haptic_accel.bags import read_bag_with_warnings
 
     bag = read_bag_with_warnings(path)
     contact = CONTACT_FORCE.name in bag.signals

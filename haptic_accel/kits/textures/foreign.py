@@ -20,17 +20,21 @@ from pathlib import Path
 import numpy as np
 
 from haptic_accel import FloatArray, ParameterError, Provenance, TextureModel
-from haptic_accel.core.bounded_files import located, read_xml
-from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, without_hand_motion
+from haptic_accel.core import (
+    HIGH_PASS_FREQUENCY,
+    from_polynomial,
+    levinson,
+    located,
+    read_xml,
+    without_hand_motion,
+)
 from haptic_accel.core.document import Document, read_json_document
 from haptic_accel.core.parameters import Specification, checked, shown, warn_once
 from haptic_accel.core.sampling import HIGHEST_RATE, LOWEST_RATE
-from haptic_accel.core.surfaces.texture import from_polynomial, levinson
 from haptic_accel.kits.textures.building import FRAME, LARGEST_ORDER, RENDER_RATE
-from haptic_accel.materials import columns
+from haptic_accel.materials import columns, read_npz
 from haptic_accel.materials.columns import LARGEST_VALUE
 from haptic_accel.materials.recordings import UNCALIBRATED, check_rate, read_samples
-from haptic_accel.materials.texture_files import read_npz
 
 DULLEST, SHARPEST = 65.0, 300.0
 """Frequencies for sharpness 0 and 1, Hz, as in the reference encoder of MPEG-I haptics."""

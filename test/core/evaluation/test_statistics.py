@@ -38,7 +38,7 @@ def test_students_sleep() -> None:
     assert "10 pairs" in found.verdict
 
 
-@pytest.mark.parametrize("n", range(statistics.FEWEST_VALUES))
+@pytest.mark.parametrize("n", range(statistics.FEWEST))
 def test_few_pairs_have_no_probability(n: int) -> None:
     found = statistics.paired_difference(SLEEP[0][:n], SLEEP[1][:n])
     assert math.isnan(found.p_t)

@@ -117,7 +117,7 @@ def visitor(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Act], Visitor
 
     def visit(act: Act = first_answer) -> Visitor:
         visitors.append(Visitor(act))
-        monkeypatch.setattr("haptic_accel.kits.study.command_line.show_page", visitors[-1].open)
+        monkeypatch.setattr("haptic_accel.commands.show_page", visitors[-1].open)
         return visitors[-1]
 
     monkeypatch.setattr("haptic_accel.kits.study.live.LiveRig", StandIn)
