@@ -9,12 +9,8 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError, allowed_values
 from haptic_accel.devices import MASTERS, SLAVES
-from haptic_accel.setup.node_parameters import (
-    NODES,
-    build_parameters,
-    declared_schema,
-    node_schema,
-)
+from haptic_accel.setup import build_parameters, node_schema
+from haptic_accel.setup.node_parameters import NODES, declared_schema
 
 OLDER = {"safety.arm.max_age": 0.2, "safety.actuator.max_age": 0.2}
 

@@ -13,15 +13,7 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.kits.link.zenoh import (
-    AUTHORITY,
-    CERTIFICATE,
-    KEY,
-    Pace,
-    check_keys,
-    refusal,
-    settings,
-)
+from haptic_accel.kits.link.zenoh import Pace, check_keys, refusal, settings
 from haptic_accel.links import Route
 
 START = "\x1b[2m2026-11-23T02:01:43.418360Z\x1b[0m \x1b[33m WARN\x1b[0m acc-0 ThreadId(05) "
@@ -86,7 +78,7 @@ def test_the_slave_listens_on_the_address_towards_the_peer_and_nobody_is_searche
 
 
 def test_missing_keys_are_named(tmp_path: Path) -> None:
-    for name in (AUTHORITY, CERTIFICATE, KEY):
+    for name in ("ca.pem", "cert.pem", "key.pem"):
         with pytest.raises(ParameterError, match=rf"^keys = .*: {name}: no such file"):
             check_keys(str(tmp_path))
         (tmp_path / name).write_text("")
