@@ -3,9 +3,9 @@
 
 """Reduction of vibration in three axes to one signal for a single actuator.
 
-People distinguish every such signal from the original in three axes (Lee, Tombak, Park,
-Kuchenbecker, IEEE Transactions on Haptics 15(3), 2022), but judge its strength and its spectrum
-separately.
+People distinguish every such signal from the original in three axes; spectrum, course in time and
+direction may all contribute (Lee, Tombak, Park, Kuchenbecker, IEEE Transactions on Haptics 15(3),
+2022).
 """
 
 from __future__ import annotations
