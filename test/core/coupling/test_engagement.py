@@ -49,9 +49,9 @@ class Run:
             self.position(arm)
         return self.engagement.decide(self.now, self.listeners)
 
-    def position(self, arm: str, x: float = 0.0) -> bool:
+    def position(self, arm: str, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> bool:
         """Receive a position; return whether it is usable."""
-        sample = ArmSample(round(self.now * 1e9), (x, 0.0, 0.0))
+        sample = ArmSample(round(self.now * 1e9), (x, y, z))
         return self.engagement.watches[arm].take(self.now, sample)
 
     @property
@@ -128,15 +128,18 @@ def test_a_position_where_no_arm_can_be_ends_the_engagement(run: Run, x: float) 
 
 
 @pytest.mark.parametrize("x", [math.nan, math.inf])
-def test_a_position_that_is_not_finite_is_missing_and_named(run: Run, x: float) -> None:
+@pytest.mark.parametrize("axis", range(3))
+def test_a_position_that_is_not_finite_is_missing_and_named(run: Run, x: float, axis: int) -> None:
+    place = [x if each == axis else 0.0 for each in range(3)]
     run.step()
     for _ in range(2):
         run.now += 0.6 * TIMEOUT
-        assert not run.position("slave", x)
+        assert not run.position("slave", *place)
         assert run.position("master")
         run.engagement.decide(run.now, 2)
     assert not run.engagement.engaged
-    assert f"of slave: slave: position {x}, 0, 0 m: refused, as it is {x} m from" in run.missing
+    said = ", ".join(f"{each:g}" for each in place)
+    assert f"of slave: slave: position {said} m: refused, as it is {x} m from" in run.missing
     assert run.position("slave")
     assert run.engagement.refused == 2
 

@@ -54,22 +54,29 @@ def test_a_handles_sample_that_is_lost_is_not_waited_for(part: CompensationPart)
     part.put_handle(ArmSample(8 * PERIOD, acceleration=along_actuator(0.5)))
     assert stamps(part, 7 * PERIOD + SOON) == [7 * PERIOD]
     assert part.without == 2
+    # That of the tick before the last does not stand for it.
+    part.put_tool(ArmSample(10 * PERIOD, acceleration=along_actuator(1.0)))
+    assert stamps(part, 10 * PERIOD + LATE) == [10 * PERIOD]
+    assert part.without == 3
 
 
 def test_lost_samples_of_the_tool_are_predicted_unless_they_are_many(
     part: CompensationPart,
 ) -> None:
-    part.put_tool(ArmSample(PERIOD, acceleration=along_actuator(1.0)))
-    part.put_tool(ArmSample(5 * PERIOD, acceleration=along_actuator(1.0)))
-    part.put_tool(ArmSample(105 * PERIOD, acceleration=along_actuator(1.0)))
-    assert len(stamps(part, 105 * PERIOD + LATE)) == 3
+    for tick in (1, 3, 6, 106):
+        part.put_tool(ArmSample(tick * PERIOD, acceleration=along_actuator(1.0)))
+    assert len(stamps(part, 106 * PERIOD + LATE)) == 4
     assert (part.lost, part.bridged) == (102, 3)
 
 
 def test_of_the_samples_of_two_ticks_each_finds_its_own(part: CompensationPart) -> None:
-    for tick in (4, 5):
+    part.longest = 2
+    part.put_tool(ArmSample(4 * PERIOD, acceleration=along_actuator(1.0)))
+    stamps(part, 4 * PERIOD + LATE)
+    for tick in range(1, 6):
         part.put_handle(ArmSample(tick * PERIOD, acceleration=along_actuator(0.5)))
-        part.put_tool(ArmSample((tick + 1) * PERIOD, acceleration=along_actuator(1.0)))
+    for tick in (5, 6):
+        part.put_tool(ArmSample(tick * PERIOD, acceleration=along_actuator(1.0)))
     assert stamps(part, 6 * PERIOD) == [5 * PERIOD, 6 * PERIOD]
     assert part.without == 0
 
@@ -118,4 +125,9 @@ def test_what_waits_can_be_forgotten(part: CompensationPart) -> None:
     part.put_tool(ArmSample(PERIOD, acceleration=along_actuator(1.0)))
     part.clear()
     assert not part.waiting
-    assert stamps(part, PERIOD + LATE) == []
+    for tick in (2, 9):
+        assert stamps(part, tick * PERIOD + LATE) == []
+        part.put_tool(ArmSample(tick * PERIOD, acceleration=along_actuator(1.0)))
+        assert stamps(part, tick * PERIOD + LATE) == [tick * PERIOD]
+        part.clear()
+    assert part.lost == 0

@@ -143,7 +143,7 @@ class Slow:
         self.written: list[tuple[float, dict[str, Any]]] = []
         self.late = 0
 
-    contact_force = None
+    contact_force = 0.1, 0.2, 0.3
 
     def read(self, time: float) -> Reading:
         self.asked.append(time)
@@ -181,9 +181,13 @@ def test_a_sample_that_comes_later_is_the_one_of_its_tick() -> None:
         assert not part.complete
     device.readings = [STILL, None]
     part.read()
-    assert [(each.tick, each.sample) for each in part.samples] == [(5, STILL)]
+    assert [(each.tick, each.sample, each.contact) for each in part.samples] == [(5, STILL, None)]
     assert device.asked[-2:] == [0.005, 0.006]
     assert (part.unread, part.complete) == (1, True)
+    part.wants_contact, device.readings = True, [STILL]
+    part.begin(7)
+    part.read()
+    assert [each.contact for each in part.samples] == [device.contact_force]
 
 
 class Servo:
@@ -350,6 +354,7 @@ def test_a_lost_sample_divides_the_way_by_time() -> None:
     for tick, force in enumerate((1.0, 2.0)):
         work.apply(tick * PERIOD, *along_x(force))
     work.until(PERIOD, ArmSample(0, along_x(math.nan)))
+    assert work.unknown == 1
     assert after(work, 2 * PERIOD, along_x(2.0)) == pytest.approx(along_x(3.0))
 
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from haptic_accel.core.model import Vector
@@ -62,11 +63,20 @@ def signals(frame: int, late: float = 0.0) -> tuple[Signals, dict[str, tuple[int
     """
     clock = FrameClock()
     loop = loop_with(clock, frame)
+    recorded = np.zeros((round(SECONDS * RATE), 10, 3))
+    loop.record(recorded)
     found: Signals = []
     for last in range(frame - 1, round(SECONDS * RATE), frame):
         clock.now = last / RATE + late
         for tick in range(last - frame + 1, last + 1):
             loop.step(tick)
+            if loop.commands and loop.compensated:
+                row = [(each.acceleration, each.position, each.velocity) for each in loop.samples]
+                forces = [force for _, _, force in loop.commands[0].each]
+                felt = loop.compensated[0]
+                last_row = felt.desired_acceleration, felt.actuator_force
+                expected = (*row[0], forces[0], *row[1], forces[1], *last_row)
+                assert recorded[tick].tolist() == [*map(list, expected)]
             found.append(
                 (
                     *(each.acceleration for each in loop.samples),

@@ -18,7 +18,6 @@ from hypothesis import strategies as st
 from haptic_accel.core import model
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
-from haptic_accel.core.identification.sweep import SweepParameters, excitation
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import (
     DriveParameters,
@@ -300,29 +299,6 @@ def test_a_free_mass_rings_at_its_frequency_and_fades_with_its_damping(rate: flo
     assert found[at + turn] / found[at] == pytest.approx(
         math.exp(-b_s * turn / rate / (2 * m_a)), rel=0.05
     )
-
-
-def test_it_follows_the_simulated_actuator_through_the_sweep() -> None:
-    rig = MasterRigParameters(
-        grip=model.GripParameters(gravity=6.9),
-        accelerometer=model.AccelerometerParameters(bandwidth=100e3, noise_density=0.0, bits=32),
-        exploration=ExplorationParameters(press_depth=0.0),
-    )
-    rate = 1000.0
-    master = MasterRig(rig, rate)
-    estimator = TravelEstimator(model.Suspension(), rate)
-    true, found = [], []
-    applied = 0.0
-    for index, force in enumerate(excitation(SweepParameters(), rate).tolist()):
-        master.advance(index / rate)
-        found.append(estimator.observe(applied, master.measure().acceleration[ACTUATOR_AXIS]))
-        true.append(master.travel)
-        master.apply_actuator_force(along_actuator(force))
-        applied = force
-    settled = slice(round(0.3 * rate), None)  # the estimate starts in the middle
-    error = np.array(found)[settled] - np.array(true)[settled]
-    # A sample of acceleration stands for the period before it, half a period late.
-    assert np.abs(error).max() < 0.05 * np.abs(true).max()
 
 
 def test_a_rate_that_is_none_is_refused() -> None:
