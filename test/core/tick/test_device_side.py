@@ -259,7 +259,21 @@ def test_a_force_that_comes_after_its_tick_acts_at_once_and_is_late(
     part.apply(True)
     assert device.written[1:] == [(0.0117, {ARM: (0.0, 0.0, 0.6)})]
     assert (part.deadlines, part.longest) == (deadlines, pytest.approx(longest))
-    assert part.diagnostics().get("arm force due") == (None if counted else "2")
+    told = {"due": "2", "past their tick": "1", "longest lateness (us)": "700", "count": "2"}
+    values = {f"arm force {name}": value for name, value in told.items()}
+    assert (values.items() <= part.diagnostics().items()) == (counted is None)
+
+
+def test_a_force_is_late_by_the_time_that_its_write_takes() -> None:
+    device, clock = Slow(), Clock()
+    part = clocked(device, clock)
+    device.write = lambda time, **forces: setattr(clock, "now", 0.0105)  # type: ignore
+    clock.now = 0.010
+    part.command(ARM, 9e6, *(0.0, 0.0, 0.5))
+    part.begin(10)
+    part.apply()
+    assert part.longest == pytest.approx(0.5e-3)
+    assert part.forces[ARM].age.maximum == pytest.approx(1.5e-3)
 
 
 def test_an_old_force_reaches_no_device() -> None:

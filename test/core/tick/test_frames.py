@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -63,7 +65,7 @@ def signals(frame: int, late: float = 0.0) -> tuple[Signals, dict[str, tuple[int
     """
     clock = FrameClock()
     loop = loop_with(clock, frame)
-    recorded = np.zeros((round(SECONDS * RATE), 10, 3))
+    recorded = np.full((round(SECONDS * RATE), 10, 3), math.nan)
     loop.record(recorded)
     found: Signals = []
     for last in range(frame - 1, round(SECONDS * RATE), frame):

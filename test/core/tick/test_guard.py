@@ -124,12 +124,6 @@ def test_a_coil_that_one_sample_would_overheat_gets_what_it_bears_of_it() -> Non
     assert np.abs(applied[1:]) == pytest.approx(0.1)
 
 
-def test_a_coil_that_bears_no_force_gets_none() -> None:
-    for coil in (guard(wide(continuous_force=0.0)), guard(wide(peak_force=0.0))):
-        assert [limited(coil, force) for force in (1.0, -1e300)] == [0.0, 0.0]
-        assert coil.heat_share() == 0.0
-
-
 # Travel
 
 

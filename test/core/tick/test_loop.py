@@ -195,6 +195,8 @@ def test_without_an_arms_motion_both_are_let_go(name: str) -> None:
     assert not rig.part.engaged
     assert rig.master.arm[-1][1] == ZERO
     assert rig.loop.contested == len(muted)
+    for side in rig.loop.sides.values():
+        assert side.safety.diagnostics()["arm force outdated"] == "0"
     assert rig.loop.compensated, "the vibration does not depend on it"
 
 
