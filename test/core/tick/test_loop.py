@@ -205,6 +205,7 @@ def test_without_the_tools_acceleration_no_force_is_felt() -> None:
     rig.steps(range(5))
     rig.loop.mute({"slave/tool/acceleration"})
     rig.steps(range(5, 20))
+    assert rig.loop.contested == 15
     assert not rig.loop.compensated
     assert len(rig.loop.commands) == 1
     assert rig.master.actuator[-1][1] == 0.0
