@@ -68,13 +68,6 @@ def test_without_engaging_there_is_no_force(
     assert coupling.forces(*arguments) == (ZERO, ZERO)
 
 
-def test_engaging_again_starts_from_there() -> None:
-    coupling = coupled()
-    assert coupling.forces((0.001, 0.0, 0.0), ZERO) != (ZERO, ZERO)
-    coupling.engage((0.001, 0.0, 0.0), ZERO)
-    assert coupling.forces((0.001, 0.0, 0.0), ZERO) == (ZERO, ZERO)
-
-
 # The spring
 
 

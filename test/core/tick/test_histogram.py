@@ -9,12 +9,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.tick.histogram import LONGEST_DURATION, SHORTEST, DurationHistogram
 
-untimed = settings(deadline=None)
 counted_apart = st.floats(SHORTEST, LONGEST_DURATION)
 
 
@@ -25,14 +24,12 @@ def filled(durations: list[float]) -> DurationHistogram:
     return histogram
 
 
-@untimed
 @given(st.lists(counted_apart, min_size=1, max_size=300), st.floats(0.0, 1.0))
 def test_quantile_is_within_one_percent(durations: list[float], q: float) -> None:
     exact = np.quantile(durations, q, method="inverted_cdf")
     assert filled(durations).quantile(q) == pytest.approx(exact, rel=0.01)
 
 
-@untimed
 @given(st.lists(st.floats(allow_nan=False), min_size=1))
 def test_count_and_maximum_are_exact_for_any_numbers(durations: list[float]) -> None:
     histogram = filled(durations)
