@@ -23,7 +23,7 @@ from haptic_accel.core.model import Suspension
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import TravelEstimator
 from haptic_accel.scope import windows
-from haptic_accel.scope.frames import PLOTS, SAMPLES, TRACES, Cursor, places_frame, plots_frame
+from haptic_accel.scope.frames import PLOTS, SAMPLES, TRACES, Cursor, vectors_frame, plots_frame
 from nightly import rest_slow
 from running import wait_until
 
@@ -370,7 +370,7 @@ def test_what_a_page_may_not_receive_is_not_sent_though_it_asks() -> None:
 
 
 def test_a_place_is_sent_however_far_it_is() -> None:
-    frame = places_frame({"tool": (1e300, 0.0, -1e300), "handle": (np.nan, 0.0, np.inf)})
+    frame = vectors_frame({"tool": (1e300, 0.0, -1e300), "handle": (np.nan, 0.0, np.inf)})
     found = np.frombuffer(frame, "<f4", offset=4)
     assert found[0] == -found[1] > 1e38
     assert np.isnan(found[2:5]).all()
