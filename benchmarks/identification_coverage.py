@@ -214,7 +214,7 @@ def random_three_axis_rig(index: int) -> SimulatedMasterParameters:
 def three_axes_outcome(index: int) -> str:
     """Identify a random rig with three coils; return its error and doubts, or the refusal."""
     rig, share = random_three_axis_rig(index), 1.0
-    given = IdentifyArguments.from_given(rig="three_axis")
+    given = IdentifyArguments.from_specified(rig="three_axis")
     known = HandleParameters(m_a=rig.handle.m_a, k_s=rig.handle.k_s, b_s=rig.handle.b_s)
     sensed = rig.accelerometer.range, rig.accelerometer.bandwidth
     while True:

@@ -13,12 +13,12 @@ from launch import LaunchDescription
 from haptic_accel.graph.launching import launched
 from haptic_accel.setup.arguments import IdentifyArguments
 from haptic_accel.setup.processes import identification_graph
-from haptic_accel.setup.words import described, parse_words
+from haptic_accel.setup.words import described, parse_assignments
 
 
 def generate_launch_description() -> LaunchDescription:
     """Declare the arguments and start the nodes; the end of one ends all."""
     return launched(
         described(IdentifyArguments),
-        lambda words: identification_graph(parse_words(words, IdentifyArguments)),
+        lambda words: identification_graph(parse_assignments(words, IdentifyArguments)),
     )

@@ -157,7 +157,7 @@ def described(
         The bag describes its handle, and a rig is specified too.
     """
     problems: list[str] = []
-    arguments, nodes = known_arguments(recorded.facts), parameters.values
+    arguments, nodes = known_arguments(recorded.metadata), parameters.values
     if not nodes.get("compensator"):
         problems.append(
             "does not state how it was made: the latency is estimated where the signals show it,"
@@ -211,8 +211,8 @@ def surface_of(recorded: Bag) -> str:
     An operator's host does not know the surface at the robot. The surface under a real tool is
     known if the user named it.
     """
-    arguments = known_arguments(recorded.facts)
-    slave = Parameters.from_metadata(recorded.facts).values.get("slave_device", {})
+    arguments = known_arguments(recorded.metadata)
+    slave = Parameters.from_metadata(recorded.metadata).values.get("slave_device", {})
     if arguments.get("side") == OPERATOR:
         return UNKNOWN
     surface = str(arguments.get("surface", ""))
@@ -235,13 +235,13 @@ def run_of(recorded: Bag) -> str:
     Live nodes report diagnostics. A bag with arguments but without any report may be live or
     lockstep.
     """
-    if recorded.facts.get(RUN) == LOCKSTEP:
+    if recorded.metadata.get(RUN) == LOCKSTEP:
         return "in lockstep, without ROS"
-    arguments = known_arguments(recorded.facts)
+    arguments = known_arguments(recorded.metadata)
     if not arguments or not recorded.diagnostics:
         return ""
     found = "live on ROS 2"
-    if recorded.facts.get("arguments"):
+    if recorded.metadata.get("arguments"):
         composed = "its nodes composed into one process"
         apart = "each node in a process of its own"
         found += f", {composed if arguments.get('composed') else apart}"

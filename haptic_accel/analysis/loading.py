@@ -150,7 +150,7 @@ class Across:
 
 def host_of(recorded: Bag) -> Host | None:
     """Return a bag's metadata on two hosts; None for a graph on one host or without a tool."""
-    arguments = recorded.facts.get("arguments")
+    arguments = recorded.metadata.get("arguments")
     tool = recorded.signals.get(topics.TOOL_ACCELERATION.name)
     if not isinstance(arguments, dict) or tool is None:
         return None

@@ -206,7 +206,7 @@ def find_divergence(path: Path) -> Divergence:
 def _setup(bag: Bag) -> Setup[GraphArguments]:
     """Return the setup of the recorded graph from its bag; its files may have changed since."""
     with located(bag.path):
-        setup = Setup.from_metadata(bag.facts)
+        setup = Setup.from_metadata(bag.metadata)
         arguments = setup.arguments
         check_lockstep(arguments, "to be compared with lockstep", (SIMULATED, VIRTUAL, REPLAY))
         if arguments.latency == 0:

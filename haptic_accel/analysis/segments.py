@@ -225,7 +225,7 @@ class _Divider:
             return []
         missing = [name for name in _NAMES if name not in self._signals]
         self.problems += [f"has no {name}{_consequence(name, missing)}" for name in missing]
-        start = described(self._bag, Parameters.from_metadata(self._bag.facts), rate, rig)
+        start = described(self._bag, Parameters.from_metadata(self._bag.metadata), rate, rig)
         self.problems += start.problems
         begin = max(int(signal.stamps.min()) for signal in self._signals.values())
         end = min(int(signal.stamps.max()) for signal in self._signals.values())
@@ -250,7 +250,7 @@ class _Divider:
         found = next((signal.stamps for signal in signals if len(signal.stamps) > 1), None)
         if found is None:
             return None
-        value = known_arguments(self._bag.facts).get("rate")
+        value = known_arguments(self._bag.metadata).get("rate")
         stated = float(value) if isinstance(value, int | float) and math.isfinite(value) else 0.0
         if requested and stated and requested != stated:
             own = f"must be {stated:g} Hz, as {self._bag.path} states"

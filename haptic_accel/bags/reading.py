@@ -136,7 +136,7 @@ class Bag:
         Signals by topic name as in `core.topics`, for topics with messages only.
     diagnostics : list of Diagnosis
     changes : list of Change
-    facts : dict
+    metadata : dict
         Metadata stored by the recorder: ``version``, ``arguments``, ``parameters``, ``host``.
         Otherwise ``parameters`` as described or declared by the graph's nodes in the bag; empty
         for bags of other programs.
@@ -152,7 +152,7 @@ class Bag:
     signals: dict[str, Signal] = field(default_factory=dict)
     diagnostics: list[Diagnosis] = field(default_factory=list)
     changes: list[Change] = field(default_factory=list)
-    facts: dict[str, Any] = field(default_factory=dict)
+    metadata: dict[str, Any] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
     problems: list[str] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
@@ -160,7 +160,7 @@ class Bag:
     @property
     def arguments(self) -> dict[str, Any]:
         """Arguments of the graph; empty if the bag states none."""
-        stated = self.facts.get("arguments")
+        stated = self.metadata.get("arguments")
         return stated if isinstance(stated, dict) else {}
 
     @property
@@ -178,7 +178,7 @@ class Bag:
         The delay is 0 for forces applied on arrival, as in older bags with arguments but without a
         latency, and None if the bag states neither.
         """
-        arguments, nodes = self.facts.get("arguments"), self.facts.get(PARAMETERS)
+        arguments, nodes = self.metadata.get("arguments"), self.metadata.get(PARAMETERS)
         own = [nodes.get(name) for name in _APPLIED] if isinstance(nodes, dict) else []
         for stated in (arguments, *own):
             found = stated.get("latency") if isinstance(stated, dict) else None
@@ -189,7 +189,7 @@ class Bag:
     @property
     def axes(self) -> Axes:
         """Axes of the vibration: the compensator's axes, or the axes with any vibration."""
-        nodes = self.facts.get("parameters")
+        nodes = self.metadata.get("parameters")
         compensator = nodes.get("compensator") if isinstance(nodes, dict) else None
         stated = compensator.get("axes") if isinstance(compensator, dict) else None
         if isinstance(stated, str):
@@ -554,7 +554,7 @@ class _Collected:
         names = [file.name for file in used.files]
         bag = Bag(self._bag.path, counts=counts, files=names)
         bag.problems.extend([*self._bag.problems, *used.notes])
-        bag.facts.update(self._stated_metadata(used) | read_custom_data(used.custom))
+        bag.metadata.update(self._stated_metadata(used) | read_custom_data(used.custom))
         sampled, of_files = {}, {}
         for name, (stamps, arrivals, marks, *_) in self._columns.items():
             moved = used.moved(np.frombuffer(arrivals, np.int64))

@@ -120,7 +120,7 @@ def _spooled(bag: Bag, parts: Iterator[Bag], folder: Path, prefix: str) -> Bag:
             columns[name].add(signal)
         if part is not bag:
             bag.counts.update(part.counts)
-            bag.facts.update(part.facts | bag.facts)
+            bag.metadata.update(part.metadata | bag.metadata)
             bag.changes[:] = news([*bag.changes, *part.changes])
     bag.signals.update({name: column.close() for name, column in columns.items()})
     return bag
@@ -129,10 +129,10 @@ def _spooled(bag: Bag, parts: Iterator[Bag], folder: Path, prefix: str) -> Bag:
 def _in_order(parts: Iterator[Bag]) -> Iterator[Bag]:
     """Yield parts while they are undamaged, from one recording, and on one clock."""
     first = next(parts)
-    stated = {name: first.facts.get(name) for name in ("arguments", PARAMETERS)}
+    stated = {name: first.metadata.get(name) for name in ("arguments", PARAMETERS)}
     name, period, drift, last = "", 0.0, 0.0, np.array([], np.int64)
     for part in chain([first], parts):
-        if part.problems or any(part.facts.get(n, v) != v for n, v in stated.items() if v):
+        if part.problems or any(part.metadata.get(n, v) != v for n, v in stated.items() if v):
             raise _DisorderError
         if not period:
             name, period = _grid(part)

@@ -34,7 +34,7 @@ from haptic_accel.graph.stop_signal import DOMAIN, own_domain
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.setup.arguments import GraphArguments, check_both_arms, parse_arguments
 from haptic_accel.setup.processes import arrangement, graph
-from haptic_accel.setup.words import given_keys
+from haptic_accel.setup.words import assigned_keys
 
 ROUNDS = 2
 """Number of rounds in which graph and empty loop alternate, so that both see the same load."""
@@ -225,7 +225,7 @@ def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool], tic
 
 
 def _arguments(assignments: Sequence[str], rate: float, seconds: float) -> GraphArguments:
-    for key in given_keys(assignments):
+    for key in assigned_keys(assignments):
         if key in ("rate", "duration", "bag", "record"):
             raise ParameterError(f"{key}: set by the benchmark")
     if not seconds >= 1:

@@ -36,8 +36,8 @@ from haptic_accel.devices.serial.calibration import (
 from haptic_accel.devices.serial.device import HIGHEST_BOARD_RATE, PortParameters
 from haptic_accel.devices.sound_bench import NO_ARM
 from haptic_accel.setup.files import EVERY_NODE, parameter_text
-from haptic_accel.setup.rig_file import check_updatable, teleoperation_words, update_parameter_file
-from haptic_accel.setup.words import described, parse_words
+from haptic_accel.setup.rig_file import check_updatable, teleop_command, update_parameter_file
+from haptic_accel.setup.words import described, parse_assignments
 
 if TYPE_CHECKING:
     from haptic_accel.devices.serial.board_samples import BoardSamples
@@ -300,9 +300,9 @@ def calibrate_any(words: Sequence[str], update: Path | None) -> None:
         if update:
             raise ParameterError(f"--update {update}: use file:={update} with {AUDIO}")
         assignments = [word for word in words if word != AUDIO]
-        calibrate_input(parse_words(assignments, AudioInputArguments))
+        calibrate_input(parse_assignments(assignments, AudioInputArguments))
         return
-    _calibrate_board(parse_words(words, CalibrateArguments), update)
+    _calibrate_board(parse_assignments(words, CalibrateArguments), update)
 
 
 def _calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None:
@@ -329,7 +329,7 @@ def _calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None
     if arguments.side == MASTER:
         command = ["identify", f"params_file:={path}", "--update", str(path)]
     else:
-        command = teleoperation_words("", path)
+        command = teleop_command("", path)
     device = [] if update else [f"{arguments.side}:=serial"]
     print(next_command(*command, *device))
 

@@ -28,9 +28,9 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tables import Column, ResultTable
 from haptic_accel.materials.folders import is_recording
 from haptic_accel.materials.recordings import read_recording
-from haptic_accel.setup.arguments import GraphArguments, parse_arguments, stated_words
+from haptic_accel.setup.arguments import GraphArguments, assigned, parse_arguments
 from haptic_accel.setup.setup import Setup
-from haptic_accel.setup.words import given_keys
+from haptic_accel.setup.words import assigned_keys
 
 SHOWN = (10.0, 15.0, 20.0, 30.0, 50.0, 80.0, 120.0, 200.0, 300.0, 400.0)
 """Frequencies whose gain and phase are printed, Hz."""
@@ -63,7 +63,7 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
     feedback. With surface:=FILE the spectrum of a recording replaces the expected one.
     """
     arguments = parse_arguments(words)
-    name = arguments.controller if "controller" in given_keys(words) else DESIGNED[0]
+    name = arguments.controller if "controller" in assigned_keys(words) else DESIGNED[0]
     if name not in DESIGNED:
         raise ParameterError(f"controller = {name!r}: must be one of {', '.join(DESIGNED)}")
     compensation, options = Setup.of(arguments).node("compensator")
@@ -130,7 +130,7 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         print(summary)
         metrics["feedback"] = summary.splitlines()
     save(metrics, json_file)
-    print(next_command("teleop", *stated_words(replace(arguments, controller=name))))
+    print(next_command("teleop", *assigned(replace(arguments, controller=name))))
 
 
 def _drawn(spectrum: ToolSpectrum, rate: float) -> FloatArray:

@@ -35,7 +35,7 @@ from haptic_accel.graph.machine import Finding
 from haptic_accel.graph.middleware import INSTALL_ROS, has_ros
 from haptic_accel.setup.arguments import POINTER
 from haptic_accel.setup.files import EVERY_NODE
-from haptic_accel.setup.rig_file import check_updatable, teleoperation_words, update_parameter_file
+from haptic_accel.setup.rig_file import check_updatable, teleop_command, update_parameter_file
 
 NO_CARD = (
     "no sound card with an output that can be used: stop JACK if it runs, plug a game controller"
@@ -94,7 +94,7 @@ def examine(arguments: AudioTrialArguments, json_file: Path | None) -> None:
         raise StoppedError("the input ended before a channel was named: nothing written") from None
     print("a first touch, not a bench, until `identify actuator:=audio` has found the plant")
     assignments = (f"master:={POINTER}", "scope:=true", "scope_control:=true")
-    print(next_command(*teleoperation_words("", path, *assignments)))
+    print(next_command(*teleop_command("", path, *assignments)))
 
 
 def _tried_next(cards: Sequence[audio.ListedCard]) -> str:

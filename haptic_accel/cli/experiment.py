@@ -39,7 +39,7 @@ from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.setup import arguments as names
 from haptic_accel.setup.processes import arrangement, graph
-from haptic_accel.setup.words import given_keys
+from haptic_accel.setup.words import assigned_keys
 
 network_option = partial(
     click.option, cls=options.GroupedOption, heading="Network between two hosts, in lockstep"
@@ -107,7 +107,7 @@ def experiment(
     surface and controller restrict the conditions; duration is that of one condition, 10 s by
     default. surface:=FILE.csv puts a recording in place of the surfaces.
     """
-    keys = given_keys(words)
+    keys = assigned_keys(words)
     arguments = _checked(names.parse_arguments(words), keys, seeds, lockstep)
     channel = _channel(delay, jitter, loss, lockstep)
     plan = [

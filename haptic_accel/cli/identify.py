@@ -38,10 +38,10 @@ from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import Supervisor
-from haptic_accel.setup.arguments import SIMULATED, IdentifyArguments, stated_words
+from haptic_accel.setup.arguments import SIMULATED, IdentifyArguments, assigned
 from haptic_accel.setup.files import EVERY_NODE, parameter_text
 from haptic_accel.setup.processes import identification_graph
-from haptic_accel.setup.rig_file import teleoperation_words, update_parameter_file
+from haptic_accel.setup.rig_file import teleop_command, update_parameter_file
 from haptic_accel.setup.setup import Setup
 
 LESS = math.sqrt(0.5)
@@ -250,7 +250,7 @@ def _advised(arguments: IdentifyArguments, kept: Sequence[str], error: Recording
         return str(error)
     if not changes or changed.end_frequency >= changed.rate / 2:
         return str(error)
-    return f"{error}; {output.next_command('identify', *stated_words(changed), *kept)}"
+    return f"{error}; {output.next_command('identify', *assigned(changed), *kept)}"
 
 
 def _shown(recordings: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Path]]:
@@ -273,7 +273,7 @@ def _next(arguments: IdentifyArguments, update: Path | None, parameters: Path) -
         if value != known[name][0]
     ]
     assignments = ["controller:=adaptive", *assignments]
-    return teleoperation_words(arguments.params_file, update or parameters, *assignments)
+    return teleop_command(arguments.params_file, update or parameters, *assignments)
 
 
 def _by_grip(arguments: IdentifyArguments, grips: Sequence[str]) -> dict[str, IdentifyArguments]:

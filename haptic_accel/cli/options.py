@@ -19,7 +19,7 @@ from haptic_accel.cli.lazy import write_examples
 from haptic_accel.cli.output import StoppedError, check_writable
 from haptic_accel.core.parameters import Checked, read_decimal, schema, suggestion
 from haptic_accel.graph.middleware import NEEDS_ROS, ROS_PACKAGES
-from haptic_accel.setup.words import described, group, parse_words
+from haptic_accel.setup.words import described, group, parse_assignments
 
 F = TypeVar("F", bound=Callable[..., Any])
 Describe: TypeAlias = Callable[[], Sequence[tuple[str, str, str]]]
@@ -74,7 +74,7 @@ class Words(click.Argument):
         return [CompletionItem(pair) for pair in pairs if pair.startswith(incomplete)]
 
 
-class WordOption(click.Option):
+class AssignmentOption(click.Option):
     """Option that is equivalent to ``name:=VALUE``, and hidden in the help."""
 
 
@@ -120,14 +120,14 @@ class Verb(click.Command):
 
             check_writable(update, "update")
             check_updatable(update)
-        options = [each.name for each in self.params if isinstance(each, WordOption)]
+        options = [each.name for each in self.params if isinstance(each, AssignmentOption)]
         values = {name: ctx.params.pop(name) for name in options}
         more = [f"{name}:={value}" for name, value in values.items() if value is not None]
         for each in self.params:
             if isinstance(each, Words):
                 texts = [*ctx.params[each.name], *more]
                 parsed = each.name == "arguments"
-                ctx.params[each.name] = parse_words(texts, *each.kinds) if parsed else texts
+                ctx.params[each.name] = parse_assignments(texts, *each.kinds) if parsed else texts
         try:
             return super().invoke(ctx)
         except ModuleNotFoundError as error:
@@ -149,7 +149,7 @@ class Verb(click.Command):
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the arguments and the examples."""
-        also = [str(each.name) for each in self.params if isinstance(each, WordOption)]
+        also = [str(each.name) for each in self.params if isinstance(each, AssignmentOption)]
         for parameter in self.params:
             if isinstance(parameter, Words):
                 parameter.write(formatter, also)
@@ -293,7 +293,7 @@ def word_options(names: Iterable[str]) -> Callable[[F], F]:
         for name in reversed([*names]):
             option = f"--{name.replace('_', '-')}"
             text = f"The same as {name}:=VALUE."
-            command = click.option(option, cls=WordOption, hidden=True, help=text)(command)
+            command = click.option(option, cls=AssignmentOption, hidden=True, help=text)(command)
         return command
 
     return declare

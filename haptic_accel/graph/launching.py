@@ -33,7 +33,7 @@ from haptic_accel.graph.frames import Frame, description, frames_at_rest
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import KILLING, LAST_END, LATE_END, QUIET_END
 from haptic_accel.setup.processes import RESPAWN_DELAY, Process, arrangement
-from haptic_accel.setup.words import MOVED, NamespaceArguments, given_keys, unknown_key
+from haptic_accel.setup.words import MOVED, NamespaceArguments, assigned_keys, unknown_key
 
 BLOCKED = (signal.SIGINT, EMERGENCY)
 """Signals blocked until a node handles them. Before, Ctrl-C would interrupt the start of Python
@@ -63,7 +63,7 @@ def launched(
     """
 
     def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-        typed = given_keys(sys.argv) if _is_started(context) else ()
+        typed = assigned_keys(sys.argv) if _is_started(context) else ()
         _check_spelling([name for name, _, _ in arguments], typed)
         defaults = {name: default for name, default, _ in arguments}
         values = {name: LaunchConfiguration(name).perform(context) for name in defaults}

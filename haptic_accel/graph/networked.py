@@ -88,7 +88,7 @@ class RelayProcess:
         """Change the network; the delay increases at the rate `RISE` of the relay.
 
         The played vibration follows a longer delay at once, but a shorter one only within seconds,
-        as it waits for the next late datagram; see `begin_anew`.
+        as it waits for the next late datagram; see `reconnect`.
 
         Raises
         ------
@@ -101,7 +101,7 @@ class RelayProcess:
             self._process.stdin.flush()
         self._wait(network)
 
-    def begin_anew(self, network: ChannelParameters) -> None:
+    def reconnect(self, network: ChannelParameters) -> None:
         """Interrupt the relay, then use a changed network; both sides engage again.
 
         The arms disengage, and engage again half a second later in the same position. The

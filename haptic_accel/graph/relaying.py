@@ -22,7 +22,7 @@ from haptic_accel.core.parameters import Checked, ParameterError, like, paramete
 from haptic_accel.core.process import ENDING, WRONG_ARGUMENTS
 from haptic_accel.graph.stop_signal import hurry
 from haptic_accel.links import UDP, Route, bound, route
-from haptic_accel.setup.words import given_keys, parse_words
+from haptic_accel.setup.words import assigned_keys, parse_assignments
 
 RISE = 1.0
 """Rate at which the delay increases, s/s. A sudden increase would be a silence of the same length,
@@ -192,8 +192,8 @@ def changed(network: ChannelParameters, assignments: Iterable[str]) -> ChannelPa
     ChannelParameters(delay=0.05, jitter=0.0, loss=0.02, duplication=0.0)
     """
     assignments = list(assignments)
-    parsed = parse_words(assignments, ChannelParameters)
-    return replace(network, **{name: getattr(parsed, name) for name in given_keys(assignments)})
+    parsed = parse_assignments(assignments, ChannelParameters)
+    return replace(network, **{name: getattr(parsed, name) for name in assigned_keys(assignments)})
 
 
 def open_relay(arguments: RelayArguments) -> Relay:
@@ -271,7 +271,7 @@ def main() -> None:
         signal.signal(number, lambda number, _: numbers.append(number))
     parent = os.getppid()
     try:
-        relay = open_relay(parse_words(sys.argv[1:], RelayArguments))
+        relay = open_relay(parse_assignments(sys.argv[1:], RelayArguments))
         hurry(RELAY_PRIORITY)
         serve_relay(
             relay,

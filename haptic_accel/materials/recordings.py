@@ -324,7 +324,7 @@ def read_samples(
             found, own_rate = tables.read_csv(name, file, columns, recording_rate, wording)
     labels = [f"{name}: {each}" if each else name for each in names]
     samples, own_rate = _signals(name, labels, found, own_rate, wording)
-    tell_unlike(dict(zip(labels, samples.T, strict=True)))
+    warn_unlike(dict(zip(labels, samples.T, strict=True)))
     return samples if len(names) > 1 else samples[:, 0], own_rate
 
 
@@ -489,7 +489,7 @@ def cleaned(name: str, samples: FloatArray, rate: float) -> FloatArray:
     return samples
 
 
-def tell_unlike(axes: Mapping[str, FloatArray]) -> None:
+def warn_unlike(axes: Mapping[str, FloatArray]) -> None:
     """Log axes of an acceleration, by name, that are much weaker than the other axes."""
     spreads = {name: float(each.std()) for name, each in axes.items()}
     for name, spread in spreads.items():

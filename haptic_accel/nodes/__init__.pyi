@@ -12,7 +12,7 @@ from haptic_accel.nodes.joined_view import (JoinedView as JoinedView,
     open_joined_view as open_joined_view)
 from haptic_accel.nodes.loop_runner import join as join
 from haptic_accel.nodes.master_device import build_master_device as build_master_device
-from haptic_accel.nodes.scheduling import (LOOK_ROUND as LOOK_ROUND, TEARDOWN as TEARDOWN,
+from haptic_accel.nodes.scheduling import (POLL_PERIOD as POLL_PERIOD, TEARDOWN as TEARDOWN,
     Signals as Signals, run_nodes as run_nodes, run_process as run_process)
 from haptic_accel.nodes.service_client import RequestError as RequestError
 from haptic_accel.nodes.signals import Samples as Samples

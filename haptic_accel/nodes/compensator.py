@@ -119,7 +119,7 @@ class Compensator(GraphNode):
         """Leave the actuator without force."""
         self._send_force(time.time_ns(), ZERO)
 
-    def start_anew(self) -> None:
+    def start_again(self) -> None:
         """Discard the waiting samples."""
         self.part.clear()
 

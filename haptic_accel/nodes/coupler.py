@@ -310,7 +310,7 @@ class Coupler(CouplingNode):
         """Return the engagement of both arms."""
         return Engagement(self.parameters, now)
 
-    def start_anew(self) -> None:
+    def start_again(self) -> None:
         """Discard the waiting samples."""
         self.part.pairing.clear()
         for motions in self._motions.values():

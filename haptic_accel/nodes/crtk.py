@@ -161,7 +161,7 @@ class Queries:
 
     Attributes
     ----------
-    asked : bool
+    is_subscribed : bool
         True if the last `poll` found a subscriber.
     """
 

@@ -439,7 +439,7 @@ class GraphNode(SupervisedNode):
         """
         return [state for state in inbox.drain_states() if state or inbox.sole]
 
-    def start_anew(self) -> None:
+    def start_again(self) -> None:
         """Discard the waiting samples, whose stamps are invalid after a change of the clock."""
 
     def publish_final_diagnostics(self) -> None:
@@ -538,7 +538,7 @@ class GraphNode(SupervisedNode):
         for samples in self._followed:
             if samples is not jumped:
                 samples.sequence.begin()
-        self.start_anew()
+        self.start_again()
 
 
 def _full_name(endpoint: TopicEndpointInfo) -> str:

@@ -104,7 +104,7 @@ class ScopeScene:
         return ""
 
     @property
-    def is_led(self) -> bool:
+    def has_pointer(self) -> bool:
         """True if a page can lead the hand."""
         return self._sender is not None and self._master().get("device") == POINTER
 
@@ -336,9 +336,9 @@ class GraphView(GraphNode):
         return self._scene.lead(x, z)
 
     @property
-    def is_led(self) -> bool:
+    def has_pointer(self) -> bool:
         """True if a page can lead the hand."""
-        return self._scene.is_led
+        return self._scene.has_pointer
 
     @property
     def known_parameters(self) -> dict[str, dict[str, Any]]:

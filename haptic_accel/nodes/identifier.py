@@ -79,7 +79,7 @@ class Identifier(GraphNode):
             self._excite(moment, acceleration)
         return self._arrivals.polled(found=came)
 
-    def start_anew(self) -> None:
+    def start_again(self) -> None:
         """End the sweep, as its time is unknown after a change of the clock."""
         if self._origin is not None:
             self._fail("handle_acceleration: a clock was set, force taken off")

@@ -25,7 +25,7 @@ from haptic_accel.devices.rclpy_internals import EventsExecutor
 from haptic_accel.graph.middleware import check_middleware, middleware_defaults
 from haptic_accel.nodes import graph_requests
 from haptic_accel.nodes.graph_view import GraphView
-from haptic_accel.nodes.scheduling import LOOK_ROUND
+from haptic_accel.nodes.scheduling import POLL_PERIOD
 from haptic_accel.nodes.service_client import Request, RequestError, ServiceClient
 
 FINDING_TIME, ANSWERING_TIME = 5.0, 5.0
@@ -159,7 +159,7 @@ def _spin(node: GraphView, ended: Future) -> None:
     executor.add_node(node)
     while not ended.done():
         try:
-            executor.spin_until_future_complete(ended, timeout_sec=LOOK_ROUND)
+            executor.spin_until_future_complete(ended, timeout_sec=POLL_PERIOD)
         except Exception as error:  # no received message may end the view
             node.callback_failed(error)
     executor.shutdown()

@@ -31,7 +31,7 @@ from haptic_accel.graph.middleware import check_middleware, middleware_defaults
 from haptic_accel.nodes.supervised_node import WIRES, SupervisedNode, unblock_standard_streams
 from haptic_accel.nodes.timing import FORCE_PRIORITY, ask_for_realtime, schedule, sharpen_timers
 
-LOOK_ROUND = 0.25
+POLL_PERIOD = 0.25
 """Interval between checks for signals and the parent while no message comes, s.
 
 A deadline is needed because the events executor of the binary wheels, built for glibc 2.28,
@@ -332,7 +332,7 @@ def _spin(nodes: Sequence[SupervisedNode], workers: Sequence[Worker], signals: S
                     node.stop_forces()
             wake = stop_poll.after_work(min([worker.work() for worker in workers]))
             now = time.monotonic()
-            pause = min(max(0.0, wake - now), LOOK_ROUND)
+            pause = min(max(0.0, wake - now), POLL_PERIOD)
             enough = pause > min(SERVING_TIME, USUAL * usual)
             usual += FOLLOWING * (pause - usual)
             if not polls:

@@ -163,7 +163,7 @@ class Scope(GraphView):
             self._expected,
             self.known_parameters,
             self.windows.settings,
-            led=self.is_led,
+            led=self.has_pointer,
             stop=self.emergency_stop,
         )
 

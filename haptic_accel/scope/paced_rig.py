@@ -79,7 +79,7 @@ class PacedRig:
     """
 
     def __init__(self, surface: str, rig: str) -> None:
-        self._arguments = GraphArguments.from_given(surface=surface, rig=rig, master=POINTER)
+        self._arguments = GraphArguments.from_specified(surface=surface, rig=rig, master=POINTER)
         self.windows = Windows()
         self._choices = choices()
         self._requests: SimpleQueue[_Request] = SimpleQueue()

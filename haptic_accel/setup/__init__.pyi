@@ -8,7 +8,7 @@ from haptic_accel.setup.node_parameters import (SAFETY as SAFETY, build_device a
     build_parameters as build_parameters, node_schema as node_schema)
 from haptic_accel.setup.processes import graph as graph
 from haptic_accel.setup.rig_file import (note_step as note_step, noted_steps as noted_steps,
-    teleoperation_words as teleoperation_words, update_parameter_file as update_parameter_file)
+    teleop_command as teleop_command, update_parameter_file as update_parameter_file)
 from haptic_accel.setup.setup import (RECORDER as RECORDER, Parameters as Parameters,
     known_arguments as known_arguments)
-from haptic_accel.setup.words import given_keys as given_keys
+from haptic_accel.setup.words import assigned_keys as assigned_keys

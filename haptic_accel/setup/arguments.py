@@ -28,7 +28,7 @@ from haptic_accel.links import LinkNodeParameters, check_peer
 from haptic_accel.materials.folders import is_recording, preset_file
 from haptic_accel.setup.files import parameter_paths, read_parameter_file, read_parameter_files
 from haptic_accel.setup.node_parameters import NODES, PASSIVE, node_schema
-from haptic_accel.setup.words import NamespaceArguments, parse_words
+from haptic_accel.setup.words import NamespaceArguments, parse_assignments
 
 L = TypeVar("L", bound="LaunchArguments")
 
@@ -222,7 +222,7 @@ class LaunchArguments(NamespaceArguments):
     )
 
     @classmethod
-    def from_given(cls: type[L], **specified: Any) -> L:
+    def from_specified(cls: type[L], **specified: Any) -> L:
         """Build from the specified arguments; parameter files decide the others.
 
         Raises
@@ -239,7 +239,7 @@ class LaunchArguments(NamespaceArguments):
         Raises
         ------
         ParameterError
-            As for `from_given`.
+            As for `from_specified`.
         """
         decided: dict[str, Any] = {}
         namespace = NamespaceArguments(given.get("namespace", "")).namespace
@@ -328,7 +328,7 @@ class GraphArguments(
             )
 
     @classmethod
-    def from_given(cls: type[L], **specified: Any) -> L:
+    def from_specified(cls: type[L], **specified: Any) -> L:
         """Build as `LaunchArguments` does, with the best defaults for a page's hand."""
         known = cls.filled(specified)
         if known.get("master") == POINTER:  # the controller with the least error for a page's hand
@@ -353,7 +353,7 @@ class IdentifyArguments(SweepParameters, LaunchArguments):
     seed: int = like(GraphArguments, "seed")
 
     @classmethod
-    def from_given(cls, **specified: Any) -> IdentifyArguments:
+    def from_specified(cls, **specified: Any) -> IdentifyArguments:
         """Build as `LaunchArguments` does, with defaults for three coils."""
         known = cls.filled(specified)
         files = [preset_file("rig", str(known.get("rig", cls.rig)))]
@@ -394,16 +394,16 @@ def _samples(text: str, rate: float) -> int | str:
     return round(samples)
 
 
-def stated_words(arguments: LaunchArguments) -> list[str]:
+def assigned(arguments: LaunchArguments) -> list[str]:
     """Return as ``key:=value`` the arguments that differ from defaults and files.
 
     Examples
     --------
-    >>> stated_words(GraphArguments(rate=500.0, composed=False))
+    >>> assigned(GraphArguments(rate=500.0, composed=False))
     ['rate:=500', 'composed:=false']
     """
     files = {"params_file": arguments.params_file, "namespace": arguments.namespace}
-    known = type(arguments).from_given(**{key: each for key, each in files.items() if each})
+    known = type(arguments).from_specified(**{key: each for key, each in files.items() if each})
     values = {name: getattr(arguments, name) for name in schema(type(arguments))}
     rest = {name: value for name, value in values.items() if value != getattr(known, name)}
     return [
@@ -459,5 +459,5 @@ def check_both_arms(arguments: GraphArguments) -> None:
 
 
 def parse_arguments(words: Iterable[str]) -> GraphArguments:
-    """Read the graph's arguments from ``key:=value`` texts; see `parse_words`."""
-    return parse_words(words, GraphArguments)
+    """Read the graph's arguments from ``key:=value`` texts; see `parse_assignments`."""
+    return parse_assignments(words, GraphArguments)

@@ -29,7 +29,7 @@ from haptic_accel.setup.arguments import (
 from haptic_accel.setup.node_parameters import HIGHEST_RATE
 from haptic_accel.setup.processes import graph
 from haptic_accel.setup.setup import recorded_arguments
-from haptic_accel.setup.words import described, given_keys, parse_words, unknown_key
+from haptic_accel.setup.words import assigned_keys, described, parse_assignments, unknown_key
 
 if TYPE_CHECKING:
     from haptic_accel.bags.reading import Bag
@@ -158,7 +158,7 @@ def _parsed(assignments: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]
         if key not in known:
             raise unknown_key(key, known)
         (own if key in schema(ReplayArguments) else rest).append(assignment)
-    parsed = parse_words(own, ReplayArguments)
+    parsed = parse_assignments(own, ReplayArguments)
     if not parsed.bag:
         raise ParameterError("bag = '': must be a bag, or a CSV or WAV file")
     if not os.path.exists(parsed.bag):
@@ -167,7 +167,7 @@ def _parsed(assignments: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]
         raise ParameterError(
             f"duration = {parsed.duration:g}: must be 0, or {SHORTEST:g} s at least"
         )
-    graph, keys = parse_arguments(rest), given_keys(rest)
+    graph, keys = parse_arguments(rest), assigned_keys(rest)
     return parsed, {name: getattr(graph, name) for name in schema(GraphArguments) if name in keys}
 
 
@@ -201,7 +201,7 @@ def _inherited(bag: Bag, specified: dict[str, Any]) -> dict[str, Any]:
     ParameterError
         An argument is no longer allowed.
     """
-    recorded = recorded_arguments(bag.facts)
+    recorded = recorded_arguments(bag.metadata)
     found = {name: recorded[name] for name in INHERITED if name in recorded.keys() - specified}
     if found.get("master") == REPLAY:
         del found["master"]

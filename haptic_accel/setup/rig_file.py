@@ -85,12 +85,12 @@ def note_step(path: Path, step: str, text: str) -> None:
         replace_file(path, "".join(f"{line}\n" for line in head + kept).encode())
 
 
-def teleoperation_words(params_file: str, found: Path, *assignments: str) -> list[str]:
+def teleop_command(params_file: str, found: Path, *assignments: str) -> list[str]:
     """Return the command and arguments that run a graph with an additional file.
 
     Examples
     --------
-    >>> teleoperation_words("", Path("rig.yaml"), "controller:=adaptive")
+    >>> teleop_command("", Path("rig.yaml"), "controller:=adaptive")
     ['teleop', 'params_file:=rig.yaml', 'controller:=adaptive']
     """
     files = [path for path in params_file.split(SEPARATOR) if path]

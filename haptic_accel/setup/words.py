@@ -60,14 +60,14 @@ MOVED = {
 """Former arguments, now node parameters only, with the name of the node."""
 
 
-def parse_words(assignments: Iterable[str], kind: type[A]) -> A:
+def parse_assignments(assignments: Iterable[str], kind: type[A]) -> A:
     """Read ``key:=value`` arguments.
 
     Parameters
     ----------
     assignments : iterable of str
     kind : type
-        Dataclass that declares the keys; its class method `from_given`, if any, builds it.
+        Dataclass that declares the keys; its class method `from_specified`, if any, builds it.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def parse_words(assignments: Iterable[str], kind: type[A]) -> A:
         if key in values:
             raise ParameterError(f"{key}: given twice")
         values[key] = _value(text, known[key][0])
-    build: Callable[..., A] = getattr(kind, "from_given", kind)
+    build: Callable[..., A] = getattr(kind, "from_specified", kind)
     return build(**values)
 
 
@@ -95,7 +95,7 @@ def is_argument(word: str) -> bool:
     return bool(separator) and "/" not in key
 
 
-def given_keys(assignments: Iterable[str]) -> list[str]:
+def assigned_keys(assignments: Iterable[str]) -> list[str]:
     """Return the keys of the texts of the form ``key:=value``."""
     return [assignment.partition(":=")[0] for assignment in assignments if ":=" in assignment]
 

@@ -107,7 +107,7 @@ def test_a_bag_is_shifted_by_its_latency_and_one_sample(
 ) -> None:
     content = copy(gain=1.0, delay=samples, seconds=2.0)
     if stated is not None:
-        content.facts["arguments"]["latency"] = stated
+        content.metadata["arguments"]["latency"] = stated
     write_bag(tmp_path / "bag", content)
     analysis = load(tmp_path)
     found = trials(analysis).iloc[0]
@@ -121,8 +121,8 @@ def test_a_bag_is_shifted_by_its_latency_and_one_sample(
 def test_a_bag_is_shifted_by_the_delay_that_its_controller_is_granted(tmp_path: Path) -> None:
     for controller, samples in (("inverse", 4), ("dynamic", 2)):
         content = copy(controller, gain=1.0, delay=samples, seconds=2.0)
-        content.facts["arguments"]["latency"] = 1
-        content.facts["parameters"]["compensator"]["inverse.granted_delay"] = 3
+        content.metadata["arguments"]["latency"] = 1
+        content.metadata["parameters"]["compensator"]["inverse.granted_delay"] = 3
         write_bag(tmp_path / controller, content)
     found = trials(load(tmp_path)).set_index("controller")
     assert found.shift_ms.to_dict() == {"inverse": 4.0, "dynamic": 2.0}
@@ -138,8 +138,8 @@ def test_the_bounds_are_those_of_the_simulated_handle_and_tell_what_cannot_be_fo
     tmp_path: Path, delay: float, least: float, most: float
 ) -> None:
     content = copy(seconds=4.0)
-    content.facts["arguments"]["master"] = "simulated"
-    content.facts["parameters"]["master_device"] = {"simulated.drive.delay": delay}
+    content.metadata["arguments"]["master"] = "simulated"
+    content.metadata["parameters"]["master_device"] = {"simulated.drive.delay": delay}
     analysis = load(write_bag(tmp_path / "bag", content))
     found = trials(analysis).iloc[0]
     assert least <= found.bound_percent <= found.limited_bound_percent
@@ -180,7 +180,7 @@ def test_copies_in_several_folders_are_one_trial(
 def test_bags_of_several_latencies_are_named_together(tmp_path: Path) -> None:
     for latency in (0, 1):
         content = copy(delay=latency + 1, seed=latency, seconds=2.0)
-        content.facts["arguments"]["latency"] = latency
+        content.metadata["arguments"]["latency"] = latency
         write_bag(tmp_path / f"bag{latency}", content)
     found = load(tmp_path).shifted_by
     assert found == "1 ms (1 sample) or 2 ms (2 samples)"
@@ -275,7 +275,7 @@ def test_controllers_are_compared_pair_by_pair(tmp_path: Path) -> None:
 def test_two_single_runs_are_a_pair_and_not_tested(tmp_path: Path) -> None:
     places = [tmp_path / "a", tmp_path / "b"]
     for place, gain in zip(places, (0.5, 0.9), strict=True):
-        write_bag(place, replace(copy(gain=gain), facts={}))
+        write_bag(place, replace(copy(gain=gain), metadata={}))
     found = compare(load(*places, apart=True), RUNS, places).iloc[0]
     assert found["pairs"] == 1
     assert found["difference_percent"] == pytest.approx(-40.0, abs=0.1)
@@ -355,7 +355,7 @@ def test_a_handle_that_is_not_as_the_compensator_was_told_is_named(tmp_path: Pat
     for name, frequency in (("known", 290.0), ("unknown", 180.0)):
         content = of_trial(trial(frequency), seed=0)
         mount = {"plant.mount.frequency": 290.0, "plant.mount.damping": 0.05}
-        content.facts["parameters"]["compensator"] |= mount
+        content.metadata["parameters"]["compensator"] |= mount
         write_bag(tmp_path / name, content)
     analysis = load(tmp_path)
     told = {t.name: [n for n in t.notes if "not as described" in n] for t in analysis.trials}
@@ -434,7 +434,7 @@ def late_forces(tmp_path: Path, **counts: str) -> tuple[list[str], dict[str, Any
         reported |= {f"{force} due": "1000", f"{force} deadlines missed": missed}
         reported |= {f"{force} {name}": value for name, value in counts.items()}
     content = replace(copy(), diagnostics=[(3.0, "master_device", "", reported)])
-    content.facts["arguments"]["master"] = "simulated"
+    content.metadata["arguments"]["master"] = "simulated"
     write_bag(tmp_path / "bag", content)
     analysis = load(tmp_path)
     (row,) = as_json(analysis)["trials"]
@@ -495,7 +495,7 @@ def test_an_older_bag_keeps_its_counts_and_says_what_they_leave_out(tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("facts", "words"),
+    ("metadata", "words"),
     [
         ({"run": "lockstep"}, "in lockstep, without ROS"),
         ({}, "live on ROS 2, each node in a process of its own"),
@@ -507,12 +507,12 @@ def test_an_older_bag_keeps_its_counts_and_says_what_they_leave_out(tmp_path: Pa
     ],
 )
 def test_a_report_tells_how_its_trials_ran(
-    tmp_path: Path, facts: dict[str, object], words: str
+    tmp_path: Path, metadata: dict[str, object], words: str
 ) -> None:
     content = copy(seconds=2.0)
-    content.facts["arguments"].update({k: v for k, v in facts.items() if k != "run"})
-    if "run" in facts:
-        content.facts["run"] = facts["run"]  # type: ignore[index]
+    content.metadata["arguments"].update({k: v for k, v in metadata.items() if k != "run"})
+    if "run" in metadata:
+        content.metadata["run"] = metadata["run"]  # type: ignore[index]
     else:
         content = replace(content, diagnostics=[(1.0, "master_device", "OK", {})])
     write_bag(tmp_path / "bag", content)

@@ -67,7 +67,7 @@ def test_a_force_that_was_late_by_the_clock_alone_is_no_reason(
     trial: Trial, tmp_path: Path, values: dict[str, str], reason: str
 ) -> None:
     content = of_trial(trial)  # with other arm forces
-    content.facts["arguments"].update(asdict(ARGUMENTS))
+    content.metadata["arguments"].update(asdict(ARGUMENTS))
     reported = {f"arm force {name}": value for name, value in values.items()}
     diagnostics = [(0.5, "master_device", "OK", reported)]
     write_bag(tmp_path / "bag", replace(content, diagnostics=diagnostics))
@@ -122,6 +122,6 @@ def test_a_file_that_was_edited_after_the_recording_is_no_divergence(tmp_path: P
 def test_a_bag_states_the_changes_of_its_trial(tmp_path: Path) -> None:
     setup = Setup.of(ARGUMENTS).changed({"coupler": {"k_m": 150.0}})
     record_trial(tmp_path / "bag", lockstep_trial(setup), setup, START)
-    stated = read_bag(tmp_path / "bag").facts["parameters"]["coupler"]["k_m"]
+    stated = read_bag(tmp_path / "bag").metadata["parameters"]["coupler"]["k_m"]
     assert stated == 150.0
     assert find_divergence(tmp_path / "bag").first is None

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bag_maker import BagContent, facts, write_bag
+from bag_maker import BagContent, meta, write_bag
 from haptic_accel.analysis.description import UNKNOWN
 from haptic_accel.analysis.segments import EXCLUDED_AFTER_CHANGE, Division, cut
 from haptic_accel.bags.reading import read_bag
@@ -32,7 +32,7 @@ def content(seconds: float = 4.0, without: tuple[str, ...] = ()) -> BagContent:
     signals = {name: generator.normal(size=samples) for name in NAMES.values()}
     for name in without:
         del signals[NAMES[name]]
-    return BagContent(signals, RATE, facts("dynamic", "plywood", seed=3))
+    return BagContent(signals, RATE, meta("dynamic", "plywood", seed=3))
 
 
 def cut_of(folder: Path, written: BagContent) -> Division:
@@ -74,7 +74,7 @@ def test_a_change_of_controller_or_surface_ends_a_segment(tmp_path: Path) -> Non
 def test_a_surface_changed_in_part_is_another_one(tmp_path: Path) -> None:
     changes = [(2.0, "slave_device", "simulated.surface.friction", "0.9")]
     written = content(4.0)
-    parameters = written.facts["parameters"]
+    parameters = written.metadata["parameters"]
     parameters["slave_device"]["simulated.surface.friction"] = 0.35
     found = cut_of(tmp_path, replace(written, changes=changes))
     names = [segment.condition.surface for segment in found.segments]
@@ -82,11 +82,11 @@ def test_a_surface_changed_in_part_is_another_one(tmp_path: Path) -> None:
 
 
 def test_a_scene_stands_for_the_surface(tmp_path: Path) -> None:
-    written = content(6.0)
-    written.facts["arguments"] |= {"slave": "virtual", "scene": "workshop"}
-    written.facts["parameters"]["slave_device"]["virtual.scene"] = "/config/scenes/workshop.yaml"
+    made = content(6.0)
+    made.metadata["arguments"] |= {"slave": "virtual", "scene": "workshop"}
+    made.metadata["parameters"]["slave_device"]["virtual.scene"] = "/config/scenes/workshop.yaml"
     changes = [(3.0, "slave_device", "virtual.scene", "/home/me/mat.yaml")]
-    found = cut_of(tmp_path, replace(written, changes=changes))
+    found = cut_of(tmp_path, replace(made, changes=changes))
     assert [segment.condition.surface for segment in found.segments] == ["workshop", "mat"]
 
 
@@ -103,8 +103,8 @@ def test_what_another_device_would_touch_is_no_condition(
     tmp_path: Path, slave: str, given: str, scene: str, surface: str
 ) -> None:
     written = content(4.0)
-    written.facts["arguments"] |= {"slave": slave, "surface": given}
-    written.facts["parameters"]["slave_device"]["virtual.scene"] = scene
+    written.metadata["arguments"] |= {"slave": slave, "surface": given}
+    written.metadata["parameters"]["slave_device"]["virtual.scene"] = scene
     # A recorder that was there first hears of the parameters as they are declared.
     declared = [("simulated.surface.name", "plywood"), ("virtual.scene", scene)]
     if slave == "virtual":
@@ -162,7 +162,7 @@ def test_what_is_desired_is_made_from_the_tool_where_it_is_missing(tmp_path: Pat
 
 
 def test_a_bag_that_says_nothing_of_itself_is_unknown(tmp_path: Path) -> None:
-    found = cut_of(tmp_path, replace(content(), facts={}))
+    found = cut_of(tmp_path, replace(content(), metadata={}))
     (segment,) = found.segments
     assert (segment.condition.controller, segment.condition.surface) == (UNKNOWN, UNKNOWN)
     assert segment.rate == RATE
@@ -171,7 +171,7 @@ def test_a_bag_that_says_nothing_of_itself_is_unknown(tmp_path: Path) -> None:
 
 def test_a_rate_that_stamps_do_not_have_is_named(tmp_path: Path) -> None:
     written = content()
-    written.facts["arguments"]["rate"] = 4000.0
+    written.metadata["arguments"]["rate"] = 4000.0
     found = cut_of(tmp_path, written)
     assert found.segments[0].rate == RATE
     assert any("in place of the 4000" in problem for problem in found.problems)
@@ -239,6 +239,6 @@ def test_a_surface_is_called_what_it_was(
     tmp_path: Path, arguments: dict[str, str], surface: str
 ) -> None:
     written = content(2.0)
-    written.facts["arguments"].update(arguments)
+    written.metadata["arguments"].update(arguments)
     (segment,) = cut_of(tmp_path, written).segments
     assert segment.condition.surface == surface

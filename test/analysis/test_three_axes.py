@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from bag_maker import BagContent, facts, write_bag
+from bag_maker import BagContent, meta, write_bag
 from browsing import chromium
 from haptic_accel.analysis import groups, load, signals, trials
 from haptic_accel.analysis.segments import read_segment
@@ -55,7 +55,7 @@ def content(controller: str = "constant", seed: int = 0, axes: str | None = None
     """Return a bag whose handle follows one sample later, in a direction of the controller."""
     desired = vibration(seed) * [1.0, controller == "inverse", 1.0]
     handle = np.vstack([np.zeros((1, 3)), turned(desired, TURNS[controller])[:-1]])
-    stated = facts(controller, "plywood", seed=seed)
+    stated = meta(controller, "plywood", seed=seed)
     if axes:
         stated["parameters"]["compensator"]["axes"] = axes
     values = (desired, desired, handle + np.array([0.0, 0.0, 9.81]), 0.1 * desired)
@@ -64,7 +64,7 @@ def content(controller: str = "constant", seed: int = 0, axes: str | None = None
 
 def along_z(written: BagContent) -> BagContent:
     signals = {name: values[:, 2].copy() for name, values in written.signals.items()}
-    return BagContent(signals, RATE, written.facts)
+    return BagContent(signals, RATE, written.metadata)
 
 
 @pytest.fixture(scope="module")
@@ -208,7 +208,7 @@ def test_the_bound_is_that_of_the_compensators_model_in_three_axes(tmp_path: Pat
     model.write_text(json.dumps({"three_axes": plant.as_document()}))
     for seed, (name, file) in enumerate((("known", model), ("lost", tmp_path / "lost.json"))):
         written = content("inverse", seed, axes="x, y, z")
-        written.facts["parameters"]["compensator"]["plant.model"] = str(file)
+        written.metadata["parameters"]["compensator"]["plant.model"] = str(file)
         write_bag(tmp_path / "bags" / name, written)
     analysis = load(tmp_path / "bags")
     found = trials(analysis).set_index("trial")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bag_maker import START, BagContent, facts, write_bag
+from bag_maker import START, BagContent, meta, write_bag
 from haptic_accel.analysis.loading import BOUND, OFFSET, Across, analyse
 from haptic_accel.analysis.segments import high_passed
 from haptic_accel.analysis.summary import summary
@@ -37,7 +37,7 @@ def felt(time: FloatArray) -> FloatArray:
 
 
 def arguments(side: str, **others: Any) -> dict[str, Any]:
-    stated = facts("constant", "vinyl" if side == "slave" else "plywood")
+    stated = meta("constant", "vinyl" if side == "slave" else "plywood")
     stated["arguments"] |= {"side": side, "peer": "10.77.0.2", "namespace": "", **others}
     return stated
 
@@ -117,7 +117,7 @@ def test_vibration_in_three_axes_is_compared_as_a_vector(tmp_path: Path) -> None
         )
         for content in (operator(), robot())
     )
-    here.facts["parameters"]["compensator"]["axes"] = "x, y, z"
+    here.metadata["parameters"]["compensator"]["axes"] = "x, y, z"
     (found,) = compared(tmp_path, here, there)
     assert found.delay_ms == pytest.approx(37.0, abs=0.05)
     assert found.nrmse_percent == pytest.approx(10.0, abs=1.5)
@@ -140,7 +140,7 @@ def test_the_summary_and_the_file_state_both_errors_and_how_well_the_clocks_are_
 
 def test_only_bags_of_one_run_are_compared(tmp_path: Path) -> None:
     later = robot(start=START + int(AHEAD) + 10**12)
-    elsewhere = robot(facts=arguments("slave", namespace="second"))
+    elsewhere = robot(metadata=arguments("slave", namespace="second"))
     assert compared(tmp_path, operator(), later, elsewhere) == []
     problems = analyse([tmp_path]).problems
     assert {

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bag_maker import BagContent, facts, write_bag
+from bag_maker import BagContent, meta, write_bag
 from fuzzing import ODD_NUMBERS
 from haptic_accel.analysis.segments import cut
 from haptic_accel.bags.delivery import count, durations
@@ -57,7 +57,7 @@ def test_each_trial_has_its_own_share_of_what_its_device_counted(
     ]
     noise = np.random.default_rng(0).normal(size=round(9 * RATE))
     signals = dict.fromkeys((topic.name for topic in topics.ANALYSED), noise)
-    stated = facts("dynamic", "plywood", rate=RATE)
+    stated = meta("dynamic", "plywood", rate=RATE)
     content = BagContent(signals, RATE, stated, changes, diagnostics)
     trials = cut(read_bag(write_bag(tmp_path / "bag", content))).segments
     counts = [trial.delivery.deadlines[force] for trial in trials]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bag_maker import BagContent, facts, write_bag
+from bag_maker import BagContent, meta, write_bag
 from haptic_accel.analysis import load
 from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.bags.reading import read_bag, read_bags
@@ -31,7 +31,7 @@ def write_files(bag: Path, names: list[str], *, seed: int = 1) -> list[float]:
     for number, name in enumerate(names):
         content = BagContent(
             {TOOL: values[1000 * number :][:1000]},
-            facts=facts("dynamic", "vinyl"),
+            metadata=meta("dynamic", "vinyl"),
             start=START + 1000 * number * PERIOD,
         )
         part = write_bag(bag.parent / "part", content)

@@ -37,7 +37,7 @@ def content(form: BagForm, folder: Path) -> tuple[object, list[str]]:
     # Times without samples are no problem of reading: the analysis says so.
     gap = np.diff(sorted({each.received for each in form.messages})).max() * RATE / NANOSECONDS
     lines = bag.problems + [f"no samples for {gap:.0f} periods"] * bool(gap > 1.5)
-    return (signals, on_time, said, changes, bag.facts), lines
+    return (signals, on_time, said, changes, bag.metadata), lines
 
 
 BAGS = Kind(right_bag, BAG_CHANGES, content)

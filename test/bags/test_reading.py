@@ -174,7 +174,7 @@ def test_metadata_diagnostics_and_changes_are_read(tmp_path: Path, storage: Stor
         },
     )
     recorded = read_bag(tmp_path / "bag")
-    assert recorded.facts == {"version": "0.2.0", "arguments": {"rate": 1000.0}}
+    assert recorded.metadata == {"version": "0.2.0", "arguments": {"rate": 1000.0}}
     (said,) = recorded.diagnostics
     assert (said.received, said.node, said.message, said.values) == (
         5,

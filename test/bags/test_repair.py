@@ -179,7 +179,7 @@ def test_metadata_that_was_changed_is_written_anew(memory: Path) -> None:
     saved = metadata.read_text()
     metadata.write_text(saved.replace("vinyl", "linen"))
     bag = read_bag(memory / "bag")
-    assert bag.facts["arguments"]["surface"] == "vinyl"  # the files say it too
+    assert bag.metadata["arguments"]["surface"] == "vinyl"  # the files say it too
     assert bag.problems == [
         "metadata.yaml is not read: is not metadata of a bag: it differs from its checksum,"
         " which is its last line"

@@ -34,7 +34,7 @@ def assert_same(spooled: Bag, whole: Bag) -> None:
         assert np.array_equal(spooled.signals[name].stamps, signal.stamps)
         assert np.array_equal(spooled.signals[name].values, signal.values)
     assert spooled.counts == whole.counts
-    assert spooled.facts == whole.facts
+    assert spooled.metadata == whole.metadata
     assert spooled.problems == whole.problems
 
 

@@ -123,7 +123,7 @@ def test_bags_side_by_side_give_the_same_and_each_is_told_as_it_ends(
 
 def test_a_bag_that_says_nothing_has_bounds_with_a_rig(tmp_path: Path) -> None:
     bare = content("inverse", "plywood")
-    bare.facts.clear()
+    bare.metadata.clear()
     write_bag(tmp_path / "bare", bare)
     file = tmp_path / "figures.json"
     words = ("--rig", "ideal", "--rate", "1000", "--json", file)

@@ -79,7 +79,7 @@ def test_the_channels_that_were_felt_are_written_into_the_file(folder: Path) -> 
     assert any(line.startswith("to be identified: force at full scale") for line in lines)
     assert any(line.startswith("a first touch, not a bench") for line in lines)
     assert "# soft" in file.read_text()
-    setup = Setup.of(GraphArguments.from_given(params_file=str(file), controller="none"))
+    setup = Setup.of(GraphArguments.from_specified(params_file=str(file), controller="none"))
     own, options = setup.node("master_device")
     assert own.actuator_device == "audio"
     assert own.latency == setup.node("compensator")[0].latency == 5  # as sound_card.md states

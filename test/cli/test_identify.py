@@ -27,7 +27,7 @@ from haptic_accel.setup.files import EVERY_NODE
 from haptic_accel.setup.processes import graph
 from haptic_accel.setup.rig_file import update_parameter_file
 from haptic_accel.setup.setup import Setup
-from haptic_accel.setup.words import parse_words
+from haptic_accel.setup.words import parse_assignments
 from nightly import rest_slow
 from observing import Observer
 from running import Command
@@ -345,7 +345,7 @@ def advised(text: str) -> IdentifyArguments:
     """Return the arguments of the command that a text advises at its end."""
     verb, *words = next_command("next: " + text.splitlines()[-1].partition("; next: ")[2])
     assert verb == "identify"
-    return parse_words([word for word in words if ":=" in word], IdentifyArguments)
+    return parse_assignments([word for word in words if ":=" in word], IdentifyArguments)
 
 
 @pytest.mark.parametrize("kept", [0, 1])
@@ -430,10 +430,10 @@ def test_three_axes_are_identified_in_lockstep(here: Path) -> None:
 
 
 def test_three_axes_have_a_band_of_their_own() -> None:
-    arguments = IdentifyArguments.from_given(rig="three_axis", duration=2.0)
+    arguments = IdentifyArguments.from_specified(rig="three_axis", duration=2.0)
     assert arguments.band == (8.0, 450.0)
     assert (arguments.duration, arguments.trials) == (2.0, 2)
-    assert IdentifyArguments.from_given().band == (10.0, 200.0)
+    assert IdentifyArguments.from_specified().band == (10.0, 200.0)
 
 
 @pytest.mark.slow

@@ -70,7 +70,7 @@ def test_what_came_of_it_is_a_bag_that_says_how_it_was_made(tmp_path: Path) -> N
     assert next_command(output_of("replay", *words)) == ["analyze", str(out)]
     bag = read_bag(out / "text_constant")
     assert bag.problems == []
-    arguments = bag.facts["arguments"]
+    arguments = bag.metadata["arguments"]
     assert (arguments["controller"], arguments["surface"]) == ("constant", "text")
     assert arguments["replay"] == str(DATA / "text")
     desired = bag.signals[topics.DESIRED_ACCELERATION.name].values[:, 2]

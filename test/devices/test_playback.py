@@ -151,7 +151,7 @@ def test_another_rate_or_speed_is_told(bag: Path, rate: float, speed: float) -> 
 
 
 def test_the_bag_s_own_word_on_its_rate_counts(tmp_path: Path) -> None:
-    bag = recorded(tmp_path / "bag", facts={"arguments": {"rate": 999.0}})
+    bag = recorded(tmp_path / "bag", metadata={"arguments": {"rate": 999.0}})
     assert playback.bag_rate(read_bag(bag)) == 999.0
     assert playback.bag_rate(read_bag(recorded(tmp_path / "other"))) == RATE
 

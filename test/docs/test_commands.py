@@ -24,7 +24,7 @@ from haptic_accel.core.topics import TOPICS
 from haptic_accel.core.trial import run_trial
 from haptic_accel.setup.files import read_parameter_file
 from haptic_accel.setup.node_parameters import node_schema
-from haptic_accel.setup.words import parse_words
+from haptic_accel.setup.words import parse_assignments
 from nightly import rest_slow
 from verbs import status_of
 
@@ -163,7 +163,7 @@ def check_words(declared: Words, words: Sequence[str]) -> None:
         if any_text or not PLACEHOLDER.fullmatch(value):
             read.setdefault(kind, []).append(word)
     for kind, read_by_it in read.items():
-        parse_words(read_by_it, kind)
+        parse_assignments(read_by_it, kind)
 
 
 def words_of(verb: str) -> Words:
@@ -290,7 +290,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
         copytree(folder / "bags", folder / name)
     copytree(DATA / "text", folder / "bags" / "first")
     foreign = of_trial(run_trial(duration=3.0))
-    foreign.facts.clear()
+    foreign.metadata.clear()
     write_bag(folder / "foreign", foreign)
     return folder
 

@@ -30,7 +30,7 @@ from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments, pars
 from haptic_accel.setup.files import parameter_text, read_parameter_file
 from haptic_accel.setup.processes import Process, graph, identification_graph
 from haptic_accel.setup.replay import described_replay, replay_arguments
-from haptic_accel.setup.words import described, parse_words
+from haptic_accel.setup.words import described, parse_assignments
 
 try:
     import launch_ros.actions  # noqa: F401
@@ -138,7 +138,7 @@ def test_a_replay_declares_its_own_arguments_and_those_of_the_graph() -> None:
         (
             "identify",
             {"grip": "pinch", "trials": "1"},
-            lambda words: identification_graph(parse_words(words, IdentifyArguments)),
+            lambda words: identification_graph(parse_assignments(words, IdentifyArguments)),
         ),
         (
             "replay",

@@ -116,8 +116,8 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
         assert {qos.reliability for qos in topic.offered_qos_profiles} == {QosReliability.RELIABLE}
     bag = read_bag(tmp_path / "bag")
     assert bag.problems == []
-    assert bag.facts["arguments"]["surface"] == "vinyl"
-    assert bag.facts["parameters"]["slave_device"]["simulated.surface.name"] == "vinyl"
+    assert bag.metadata["arguments"]["surface"] == "vinyl"
+    assert bag.metadata["parameters"]["slave_device"]["simulated.surface.name"] == "vinyl"
     changes = [(one.node, one.parameter, one.value) for one in bag.changes]
     assert ("compensator", "controller", "none") in changes
     later = read_bag(tmp_path / "bag-2").changes  # it begins with the values of that moment

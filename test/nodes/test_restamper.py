@@ -130,8 +130,8 @@ def test_a_bag_played_at_another_speed_is_refused_in_one_line(
 
 def check_what_was_recorded(recorded: Bag, bag: Path, slave: str) -> None:
     """Check that a bag says what was replayed, and that every force was caused by a sample."""
-    assert recorded.facts["arguments"]["replay"] == str(bag)
-    assert recorded.facts["arguments"]["slave"] == slave
+    assert recorded.metadata["arguments"]["replay"] == str(bag)
+    assert recorded.metadata["arguments"]["slave"] == slave
     desired = recorded.signals[topics.DESIRED_ACCELERATION.name]
     force = recorded.signals[topics.ACTUATOR_FORCE.name]
     caused = dict(zip(desired.stamps.tolist(), desired.values[:, 2], strict=True))

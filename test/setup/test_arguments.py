@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.parameters import ParameterError, schema
-from haptic_accel.setup.arguments import GraphArguments, parse_arguments, stated_words
+from haptic_accel.setup.arguments import GraphArguments, assigned, parse_arguments
 from haptic_accel.setup.files import current_arguments, parameter_text
 from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import described
@@ -58,7 +58,7 @@ def test_any_value_of_a_number_is_read_or_refused_by_name(key: str, value: str) 
         assert getattr(arguments, key) == float(value)
 
 
-def test_stated_words_give_the_same_arguments_and_leave_to_files_what_they_decide(
+def test_assigned_texts_give_the_same_arguments_and_leave_to_files_what_they_decide(
     tmp_path: Path,
 ) -> None:
     mine = tmp_path / "mine.yaml"
@@ -66,8 +66,8 @@ def test_stated_words_give_the_same_arguments_and_leave_to_files_what_they_decid
     words = [f"params_file:={mine}", "namespace:=/left", "duration:=0.1", "record:=false"]
     arguments = parse_arguments(["latency:=3", *words])
     assert arguments.rate == 500.0
-    assert sorted(stated_words(arguments)) == sorted(["latency:=3", *words])
-    assert parse_arguments(stated_words(arguments)) == arguments
+    assert sorted(assigned(arguments)) == sorted(["latency:=3", *words])
+    assert parse_arguments(assigned(arguments)) == arguments
 
 
 def test_the_virtual_slave_touches_a_scene() -> None:

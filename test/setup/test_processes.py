@@ -16,7 +16,7 @@ from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments, pars
 from haptic_accel.setup.node_parameters import node_schema
 from haptic_accel.setup.processes import arrangement, graph, identification_graph
 from haptic_accel.setup.setup import Setup
-from haptic_accel.setup.words import parse_words
+from haptic_accel.setup.words import parse_assignments
 
 TELEOPERATION = {"recorder", "master_device", "slave_device", "coupler", "compensator"}
 
@@ -345,7 +345,7 @@ def test_an_identification_keeps_its_own_latency(tmp_path: Path, rig_file: Path)
     late.write_text("master_device: {ros__parameters: {latency: 3}}")
     words = [f"params_file:={rig_file},{late}"]
     assert parse_arguments(words).latency == 3
-    found = parse_words(words, IdentifyArguments)
+    found = parse_assignments(words, IdentifyArguments)
     assert (found.latency, found.master, found.rate) == (10, "serial", 500.0)
 
 

@@ -49,7 +49,7 @@ def test_a_scene_or_a_recording_holds_for_a_slave_that_takes_it(
     tmp_path: Path, recorded: dict[str, str], words: list[str], surface: str
 ) -> None:
     written = of_trial(run_trial(duration=1.0))
-    written.facts["arguments"] |= recorded
+    written.metadata["arguments"] |= recorded
     write_bag(tmp_path / "old", written)
     words = [f"bag:={tmp_path / 'old'}", "master:=replay", *words]
     assert replay_arguments(words).graph.surface == surface

@@ -10,7 +10,7 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.setup.arguments import parse_arguments
 from haptic_accel.setup.files import parameter_text, read_parameter_file
-from haptic_accel.setup.rig_file import check_updatable, teleoperation_words, update_parameter_file
+from haptic_accel.setup.rig_file import check_updatable, teleop_command, update_parameter_file
 from haptic_accel.setup.setup import Setup
 
 RIG = """\
@@ -90,6 +90,6 @@ def test_values_for_every_node_hold_in_any_namespace(tmp_path: Path) -> None:
 
 def test_the_next_command_has_every_file(tmp_path: Path) -> None:
     expected = ["teleop", "params_file:=a.yaml,b.yaml"]
-    assert teleoperation_words("a.yaml", Path("b.yaml")) == expected
-    found = teleoperation_words("a.yaml,b.yaml", Path("b.yaml"), "rate:=500")
+    assert teleop_command("a.yaml", Path("b.yaml")) == expected
+    found = teleop_command("a.yaml,b.yaml", Path("b.yaml"), "rate:=500")
     assert found == [*expected, "rate:=500"]

@@ -43,7 +43,7 @@ def check_whole(bag: Bag, namespace: str) -> None:
     assert bag.problems == []
     assert all(name.startswith(f"/{namespace}/") for name in names_of(bag)), names_of(bag)
     assert set(bag.signals) == {topic.name for topic in topics.SIGNALS}
-    assert bag.facts["arguments"].items() >= CONDITIONS[namespace].items()
+    assert bag.metadata["arguments"].items() >= CONDITIONS[namespace].items()
     reported = {
         said.values["controller"] for said in bag.diagnostics if said.node == "compensator"
     }

@@ -189,7 +189,7 @@ class BagContent:
         Arrays by topic, shape (n, 3), or (n,) along the actuator's axis.
     rate : float
         Sampling rate, Hz.
-    facts : mapping
+    metadata : mapping
         Metadata stored by the recorder.
     changes : sequence
         Times in s with node, parameter and text.
@@ -211,7 +211,7 @@ class BagContent:
 
     signals: Mapping[str, FloatArray]
     rate: float = 1000.0
-    facts: Mapping[str, Any] = field(default_factory=dict)
+    metadata: Mapping[str, Any] = field(default_factory=dict)
     changes: Sequence[tuple[float, str, str, str]] = ()
     diagnostics: Sequence[tuple[float, str, str, dict[str, str]]] = ()
     gap: tuple[float, float] | None = None
@@ -222,7 +222,7 @@ class BagContent:
     delay: Callable[[int], int] = lambda place: 0
 
 
-def facts(controller: str, surface: str, *, seed: int = 0, rate: float = 1000.0) -> dict[str, Any]:
+def meta(controller: str, surface: str, *, seed: int = 0, rate: float = 1000.0) -> dict[str, Any]:
     """Return the recorder's metadata of a graph, as far as tests read it."""
     return {
         "version": "0.1.0",
@@ -251,7 +251,7 @@ def of_trial(trial: Trial, *, seed: int = 0) -> BagContent:
             topics.ACTUATOR_FORCE.name: trial.actuator_force,
         },
         trial.rate,
-        facts(trial.controller, trial.surface, seed=seed, rate=trial.rate),
+        meta(trial.controller, trial.surface, seed=seed, rate=trial.rate),
     )
 
 
@@ -282,7 +282,7 @@ def write_bag(path: Path, content: BagContent, *, compressed: bool = False) -> P
         compression=CompressionMode.STORAGE if compressed else CompressionMode.NONE,
         custom={
             PREFIX + name: values if isinstance(values, str) else json.dumps(values)
-            for name, values in content.facts.items()
+            for name, values in content.metadata.items()
         },
     )
 

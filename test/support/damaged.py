@@ -127,7 +127,7 @@ def content(bag: Bag) -> object:
         name: (signal.stamps.tolist(), signal.received.tolist(), signal.values.tolist())
         for name, signal in bag.signals.items()
     }
-    return signals, bag.diagnostics, bag.changes, bag.facts, dict(bag.counts)
+    return signals, bag.diagnostics, bag.changes, bag.metadata, dict(bag.counts)
 
 
 def flip(content: bytes, bit: int) -> bytes:

@@ -325,7 +325,7 @@ def _right_bag() -> BagForm:
         topics.ACTUATOR_FORCE: 0.1 * actual,
         topics.MASTER_ARM_FORCE: np.ones(SAMPLES),
     }
-    stated = bag_maker.facts("constant", "vinyl", rate=RATE)
+    stated = bag_maker.meta("constant", "vinyl", rate=RATE)
     text = json.dumps(stated).encode() + b"\0"
     described = b"\0\1\0\0" + struct.pack("<I", len(text)) + text
     messages = [

@@ -17,7 +17,7 @@ from haptic_accel.cli.commands import command_line
 from haptic_accel.cli.main import main
 from haptic_accel.cli.options import Words
 from haptic_accel.core.identification.fit import DEFAULT_FREE
-from haptic_accel.setup.words import parse_words
+from haptic_accel.setup.words import parse_assignments
 
 WITHOUT_FRICTION = ("--free", ",".join(DEFAULT_FREE))
 """Words for an identification without dry friction, whose fit takes ten times as long."""
@@ -62,7 +62,7 @@ def next_command(text: str) -> list[str]:
     given = command.make_context(command.name, rest).params
     for each in command.params:
         if isinstance(each, Words):
-            parse_words(given[each.name or ""], *each.kinds)
+            parse_assignments(given[each.name or ""], *each.kinds)
     return words
 
 

@@ -264,7 +264,7 @@ class Bench:
 
     def parameters(self, side: str) -> tuple[Any, dict[str, Any]]:
         """Return the parameters of a side's device, and those of its options by name."""
-        arguments = GraphArguments.from_given(params_file=str(self.path), record=False)
+        arguments = GraphArguments.from_specified(params_file=str(self.path), record=False)
         return Setup.of(arguments).node(f"{side}_device")
 
     def device_name(self, side: str) -> str:

@@ -29,7 +29,7 @@ from haptic_accel.kits.bringup import signal_checks as checks
 from haptic_accel.kits.bringup.bench import STEPS, BringUpArguments, BringUpError, Watched
 from haptic_accel.kits.bringup.boards import calibrate_boards, connect, make_safe
 from haptic_accel.kits.bringup.signal_checks import Check
-from haptic_accel.setup import note_step, noted_steps, teleoperation_words, update_parameter_file
+from haptic_accel.setup import note_step, noted_steps, teleop_command, update_parameter_file
 
 TRIAL = 10
 """Duration of a trial with a controller, s, as in the paper."""
@@ -186,7 +186,7 @@ class BringUp:
             bench.person.show(None)
             text = "; ".join(bench.notes) or "nothing to do"
             note_step(bench.path, step, f"{datetime.now():%Y-%m-%d %H:%M}: {text}")
-        return teleoperation_words("", bench.path, "controller:=adaptive")
+        return teleop_command("", bench.path, "controller:=adaptive")
 
 
 if TYPE_CHECKING:

@@ -132,7 +132,7 @@ def _write(writer: Writer, bags: Sequence[Path], beside: Path, published: dict[s
                 for bag in spooled_bags(path, Path(spool), advance):
                     if not bag.signals:
                         raise ParameterError(f"{path}: must have a signal of this graph")
-                    bag.facts[PUBLISHED] = published
+                    bag.metadata[PUBLISHED] = published
                     base = name_of(path)
                     names = (f"{base}_{n}" if n > 1 else base for n in itertools.count(1))
                     name = next(each for each in names if each not in taken)

@@ -215,7 +215,7 @@ def conditions(bag: Bag) -> list[dict[str, Any]]:
 
     The first section starts before the bag. Arguments have their values during the recording.
     """
-    start = described(bag, Parameters.from_metadata(bag.facts), bag.stated_rate or 0.0)
+    start = described(bag, Parameters.from_metadata(bag.metadata), bag.stated_rate or 0.0)
     return [
         {"begin_ns": begin, **vars(s.condition), "arguments": {**s.arguments}, "changes": s.notes}
         for begin, s in sections(bag, start)
@@ -224,7 +224,7 @@ def conditions(bag: Bag) -> list[dict[str, Any]]:
 
 def _given(bag: Bag, node: str, begins: tuple[str, ...]) -> dict[str, Any]:
     """Return a node's parameters with the prefixes `begins` that differ from the default."""
-    own, known = Parameters.from_metadata(bag.facts).values.get(node, {}), node_schema(node)
+    own, known = Parameters.from_metadata(bag.metadata).values.get(node, {}), node_schema(node)
     named = {n: value for n, value in own.items() if n in known and n.startswith(begins)}
     return {name: value for name, value in named.items() if value != known[name][0]}
 
@@ -234,12 +234,14 @@ def descriptions(bag: Bag) -> dict[str, Any]:
 
     Calibration and identification contain the parameters that differ from the default.
     """
-    arguments = known_arguments(bag.facts)
+    arguments = known_arguments(bag.metadata)
     return {
         "bag": name_of(bag.path),
         "exported_with": {"haptic_accel": __version__, "vibration_schema": SCHEMA},
-        "recorded_with": {name: bag.facts.get(name) for name in ("version", "arguments", "host")},
-        "published": bag.facts.get(PUBLISHED, {}),
+        "recorded_with": {
+            name: bag.metadata.get(name) for name in ("version", "arguments", "host")
+        },
+        "published": bag.metadata.get(PUBLISHED, {}),
         "simulated": {arm: arguments.get(arm) in IN_SIMULATION for arm in ("master", "slave")},
         "conditions": conditions(bag),
         "calibration": {node: _given(bag, node, CALIBRATED) for node in DEVICES},

@@ -21,7 +21,7 @@ from haptic_accel import Axes, FloatArray, ParameterError, Setup, Vector
 from haptic_accel.core.process import module_command
 from haptic_accel.devices import NO_ARM, DeviceError
 from haptic_accel.setup import arguments as names
-from haptic_accel.setup import build_device, given_keys
+from haptic_accel.setup import assigned_keys, build_device
 
 WRITTEN, TICKS, LATE, LOST, FELT = range(5)
 """Indices in `Ring.counts`: number of samples so far; of ticks; of ticks late by half a period or
@@ -142,7 +142,7 @@ def read_arguments(text: str) -> names.GraphArguments:
     except ValueError as error:
         raise ParameterError(f"arguments = {text!r}: {error}") from None
     found = names.parse_arguments(words)
-    if "rate" not in given_keys(words) and found.rate == names.GraphArguments.rate:
+    if "rate" not in assigned_keys(words) and found.rate == names.GraphArguments.rate:
         found = names.parse_arguments([*words, f"rate:={RATE:g}"])
     names.check_both_arms(found)
     for arm, device in (("master", found.master), ("slave", found.slave)):
@@ -213,7 +213,7 @@ class FastPath:
         descriptor = memory_file()
         self.ring = Ring(descriptor)
         command = module_command("haptic_accel.kits.lerobot.felt_loop")
-        words = str(descriptor), str(os.getpid()), *names.stated_words(arguments)
+        words = str(descriptor), str(os.getpid()), *names.assigned(arguments)
         self.process = subprocess.Popen(
             [*command, *words], stdout=subprocess.PIPE, pass_fds=[descriptor], text=True
         )
@@ -299,7 +299,7 @@ def join(arguments: names.GraphArguments) -> FastPath:
         path = FastPath(arguments)
         _RUNNING.append(path)
     if path.arguments != arguments:
-        given, known = (" ".join(names.stated_words(each)) for each in (arguments, path.arguments))
+        given, known = (" ".join(names.assigned(each)) for each in (arguments, path.arguments))
         raise ParameterError(
             f"arguments = {given!r}: must be {known!r}, as leader and follower share one fast path"
         )

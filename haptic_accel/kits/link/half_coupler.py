@@ -64,7 +64,7 @@ class HalfCoupler(CouplingNode):
         self._here = core.HalfEngagement(self.parameters, now, self.parameters.side)
         return self._here
 
-    def start_anew(self) -> None:
+    def start_again(self) -> None:
         """Discard waiting samples."""
         self._motions.clear()
 

@@ -27,7 +27,7 @@ from haptic_accel.kits.link.authentication import TAG_LENGTH, Authenticator, rea
 from haptic_accel.kits.link.local import LINK, LONGEST_DATAGRAM, LocalEnd
 from haptic_accel.kits.link.zenoh import ZenohCarrier
 from haptic_accel.links import UDP, LinkNodeParameters, Route, bound, check_peer, route
-from haptic_accel.nodes import LOOK_ROUND, TEARDOWN, Signals, run_process
+from haptic_accel.nodes import POLL_PERIOD, TEARDOWN, Signals, run_process
 from haptic_accel.nodes.timing import ask_for_realtime
 from haptic_accel.setup import build_parameters, read_parameter_file
 from haptic_accel.setup.arguments import LOG_LEVELS
@@ -259,7 +259,7 @@ def carry(
     gc.disable()
     noted = 0.0
     while not (signals.ended() or failures):
-        if select.select([local], [], [], LOOK_ROUND)[0]:
+        if select.select([local], [], [], POLL_PERIOD)[0]:
             for datagram in local.drain():
                 carrier.send(datagram)
         for line in monitor.lines(now := time.monotonic()):
@@ -321,7 +321,7 @@ def _way(parameters: LinkNodeParameters, namespace: str, signals: Signals) -> Ro
                 _logger.warning(f"{said}; trying again")
         due = time.monotonic() + SEARCH_PERIOD
         while time.monotonic() < due and not signals.ended():
-            time.sleep(LOOK_ROUND)
+            time.sleep(POLL_PERIOD)
     return None
 
 

@@ -147,9 +147,9 @@ class LiveRig:
         return self._view.lead(x, z)
 
     @property
-    def is_led(self) -> bool:
+    def has_pointer(self) -> bool:
         """True if a page can lead the hand."""
-        return self._view.is_led
+        return self._view.has_pointer
 
     # The graph
 
@@ -266,7 +266,7 @@ class LiveRig:
             self._joined.send(nodes.set_controller(NO_CONTROLLER))
         self._joined.change(changes)
         if network and self._relay:
-            self._relay.begin_anew(network)
+            self._relay.reconnect(network)
         before = self._joined.force_counts("master_device")
         self._wait(max(settling, due - time.monotonic()))
         self._await_arms()

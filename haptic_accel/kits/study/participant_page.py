@@ -132,7 +132,7 @@ class PageSource(Touched, Protocol):
     """Interface of the rig for the page; its methods are called on the server's thread."""
 
     @property
-    def is_led(self) -> bool:
+    def has_pointer(self) -> bool:
         """True if the page leads a simulated hand, and plays the handle's vibration."""
 
     def stop(self) -> None:
@@ -272,7 +272,7 @@ class ParticipantPage:
             screen, identity = asdict(self._screen), self._questions.id
             elapsed = time.monotonic() - self._begun
         screen |= {"id": identity, "elapsed": elapsed}
-        led = self._source.is_led
+        led = self._source.has_pointer
         return {"page": self._page, "noise": self._noise, "led": led, "screen": screen}
 
     def scene(self) -> dict[str, Any]:

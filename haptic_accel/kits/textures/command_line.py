@@ -33,7 +33,7 @@ from haptic_accel.kits.textures.building import BAND, Built, HeldOut, Recording,
 from haptic_accel.kits.textures.foreign import import_texture
 from haptic_accel.materials import write_texture
 from haptic_accel.materials.columns import COLUMNS, FORCE, SPEED, ColumnChoice, Wording
-from haptic_accel.materials.recordings import AXES, FULL_SCALE, cleaned, read_columns, tell_unlike
+from haptic_accel.materials.recordings import AXES, FULL_SCALE, cleaned, read_columns, warn_unlike
 
 MILLI = 1e-3
 
@@ -353,7 +353,7 @@ def _csv(
     columns += [ColumnChoice((name,)) for name in axes] or [ColumnChoice(COLUMNS)]
     samples, own_rate = read_columns(path, rate, columns, Wording("rate", "--axes X,Y,Z"))
     speed, force, *found = samples.T
-    tell_unlike({f"{path}: {name}": each for name, each in zip(axes, found, strict=False)})
+    warn_unlike({f"{path}: {name}": each for name, each in zip(axes, found, strict=False)})
     if -force.min() > force.max():
         warn_once(f"{path}: force is negative in contact: taken as pressing")
         force = -force

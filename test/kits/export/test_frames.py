@@ -156,6 +156,6 @@ def test_tool_and_handle_must_have_one_rate(recorded: Recorded) -> None:
     found.signals[topics.HANDLE_ACCELERATION.name] = Signal(
         handle.stamps[::2], handle.received[::2], handle.values[::2]
     )
-    found.facts.clear()
+    found.metadata.clear()
     with pytest.raises(ParameterError, match="1000 and 500 Hz: must have one rate"):
         recorded_rate(found)

@@ -85,7 +85,7 @@ def test_the_delay_between_the_arms_is_the_one_asked_for(domain: int, tmp_path: 
                 observer.status("coupler", least={"packets received": 500}, engaged="true")
             for delay, change in (
                 (0.08, networked.relay.change),
-                (0.0, networked.relay.begin_anew),
+                (0.0, networked.relay.reconnect),
                 (DELAY, networked.relay.change),
             ):
                 change(ChannelParameters(delay))

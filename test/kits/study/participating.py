@@ -33,7 +33,7 @@ class PageRig:
 
     def __init__(self) -> None:
         self.windows = Windows()
-        self.is_led = False
+        self.has_pointer = False
         self.led: list[tuple[float, float]] = []
         self.stops = 0
         self.windows.vectors = {"handle": (0.0, 0.0, 0.01), "tool": (0.0, 0.0, 0.0)}

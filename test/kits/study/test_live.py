@@ -86,7 +86,7 @@ def test_conditions_are_presented_in_turn_and_measured_until_an_emergency_stop(
             live.present(each, SECONDS) for each in (NOTHING, WHOLE, HALF, ON_VINYL)
         )
         assert live.exposure > 0.0
-        assert not live.is_led
+        assert not live.has_pointer
         for wrong in CANNOT_BE_SET:
             with pytest.raises(UndeliveredError, match=r"gain|nowhere|seed"):
                 live.present(wrong, SECONDS)
@@ -162,7 +162,7 @@ def test_other_arguments_start_another_graph_and_one_that_dies_twice_ends_the_se
 @pytest.mark.usefixtures("domain")
 def test_a_page_leads_the_hand_and_sees_the_scene(tmp_path: Path) -> None:
     with rig(tmp_path, WHOLE, master="pointer", slave="virtual") as live:
-        wait_until(lambda: live.is_led, "the hand can be led")
+        wait_until(lambda: live.has_pointer, "the hand can be led")
         assert live.scene()["outlines"]
         for x in (0.01, 0.03):
             assert live.lead(x, 0.05) == ""

@@ -385,7 +385,7 @@ def test_buttons_have_words_of_the_language_values_or_intervals(
 class LedRig(PacedRig):
     """The rig of ``touch``, which strokes by itself."""
 
-    is_led = True
+    has_pointer = True
 
     def stop(self) -> None:
         """Leave the forces as they are."""
@@ -417,7 +417,7 @@ def test_the_handle_is_heard_during_a_stimulus_and_not_after(browser: Browser) -
 
 
 def test_the_pad_leads_the_hand_and_shows_no_tool(page: Page, visit: Visit) -> None:
-    visit.rig.is_led = True
+    visit.rig.has_pointer = True
     visit.seconds = 3.0
     visit.begin()
     shows(page, "title")
@@ -468,7 +468,7 @@ def test_no_rule_of_accessibility_is_broken(
 
 
 def test_no_rule_of_accessibility_is_broken_during_a_stimulus(page: Page, visit: Visit) -> None:
-    visit.rig.is_led = True
+    visit.rig.has_pointer = True
     visit.begin(lambda: visit.page.ask(Screen("s", "stimulus", interval=2, progress=0.5)))
     shows(page, "title")
     page.keyboard.press("Enter")
