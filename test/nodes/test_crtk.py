@@ -274,7 +274,7 @@ DESTROYED = """
 import os
 import rclpy
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.slave_device import slave_device
+from haptic_accel.nodes.slave_device import build_slave_device
 
 def threads_after(build):
     node = build()
@@ -285,7 +285,7 @@ def threads_after(build):
 rclpy.init()
 running, left = threads_after(lambda: GraphNode("coupler"))
 assert left < running, (running, left)
-print("left", left, threads_after(slave_device)[1])
+print("left", left, threads_after(build_slave_device)[1])
 """
 
 

@@ -19,7 +19,8 @@ pytestmark = pytest.mark.skipif(shutil.which("git") is None, reason="git is not 
 FILES = {
     "haptic_accel/__init__.py": "",
     "haptic_accel/__init__.pyi": "from haptic_accel.core.rig import Rig as Rig, run as run\n",
-    "haptic_accel/analysis/__init__.py": "from haptic_accel.analysis.frames import load\n",
+    "haptic_accel/analysis/__init__.py": "",
+    "haptic_accel/analysis/__init__.pyi": "from haptic_accel.analysis.frames import run as run\n",
     "haptic_accel/analysis/frames.py": "",
     "haptic_accel/core/rig.py": "import haptic_accel.core.model\n",
     "haptic_accel/core/model.py": "",
@@ -29,14 +30,14 @@ FILES = {
     "haptic_accel/kits/export/page.js": "",
     "haptic_accel/kits/export/tables.py": "def f():\n    from haptic_accel import Rig\n",
     "haptic_accel/kits/study/__init__.py": "",
-    "test/kits/study/test_run.py": "from haptic_accel.analysis import load\n",
+    "test/kits/study/test_run.py": "from haptic_accel import analysis\n",
     "test/kits/test_removal.py": "",
     "test/core/test_rig.py": "",
     "test/support/running.py": "",
     "docs/start.md": "",
     "setup.py": "",
 }
-"""Small project: the kit `export` uses a rig, the test of the kit `study` loads frames."""
+"""Small project: the kit `export` uses a rig, the test of the kit `study` a root with frames."""
 
 WHO = "-c", "user.name=nobody", "-c", "user.email=nobody@example.org"
 

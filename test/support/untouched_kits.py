@@ -91,7 +91,7 @@ def module_of(file: str) -> str:
 @cache
 def imported(source: Path, kit: str) -> set[str]:
     """Return the modules that a kit and its tests import, a public name by where it is defined."""
-    stubs = [*(source / PACKAGE).glob("*.pyi"), *(source / PACKAGE).glob("*/__init__.py")]
+    stubs = (source / PACKAGE).rglob("*.pyi")
     public = {
         (module_of(str(stub.relative_to(source))), alias.name): module
         for stub in stubs
@@ -100,7 +100,9 @@ def imported(source: Path, kit: str) -> set[str]:
     files = [file for place in PLACES for file in (source / place / kit).rglob("*.py")]
     names = [each for file in files for each in named(file)]
     found = {public.get((module, alias.name), module) for module, alias in names}
-    return found | {f"{module}.{alias.name}" for module, alias in names}
+    whole = {f"{module}.{alias.name}" for module, alias in names}
+    # A root that is imported itself may be asked for each of its names.
+    return found | whole | {module for (root, _), module in public.items() if root in whole}
 
 
 def touched(source: Path, kits: set[str], file: str) -> set[str]:
