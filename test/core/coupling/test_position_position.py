@@ -68,6 +68,13 @@ def test_without_engaging_there_is_no_force(
     assert coupling.forces(*arguments) == (ZERO, ZERO)
 
 
+def test_engaging_again_starts_from_there() -> None:
+    coupling = coupled()
+    assert coupling.forces((0.001, 0.0, 0.0), ZERO) != (ZERO, ZERO)
+    coupling.engage((0.001, 0.0, 0.0), ZERO)
+    assert coupling.forces((0.001, 0.0, 0.0), ZERO) == (ZERO, ZERO)
+
+
 # The spring
 
 
@@ -100,6 +107,16 @@ def test_equal_gains_act_and_react(motion: Motion, stiffness: float, damping: fl
         assert on_master == pytest.approx(tuple(-f for f in on_slave), abs=1e-9)
 
 
+@given(positions, st.floats(0.1, 10.0))
+def test_a_slave_that_moved_scale_times_as_far_is_where_it_belongs(
+    master: Vector, scale: float
+) -> None:
+    slave = (scale * master[0], scale * master[1], scale * master[2])
+    on_master, on_slave = coupled(scale=scale, max_force=unlimited).forces(master, slave)
+    assert on_master == pytest.approx(ZERO, abs=1e-9)
+    assert on_slave == pytest.approx(ZERO, abs=1e-9)
+
+
 # Scaling
 
 
@@ -118,6 +135,24 @@ def test_each_arm_is_driven_by_the_error_in_its_own_measure(
         if within_limit(on_slave):
             force = k_sl * (wanted_of_slave - slave[axis])
             assert on_slave[axis] == pytest.approx(force, abs=1e-9)
+
+
+@given(motions, st.floats(0.2, 5.0), st.floats(1.0, 20.0), st.floats(1.0, 20.0))
+def test_the_spring_neither_makes_nor_loses_scaled_power(
+    motion: Motion, scale: float, k_m: float, k_sl: float
+) -> None:
+    master, slave, master_velocity, slave_velocity = motion
+    # Motion is scaled by `scale` and force, from slave to master, by k_m / (k_sl scale), so
+    # that power is scaled by their quotient. Counted so, what the arms get is what the spring
+    # E = k_m d^2 / 2 between them gives off. Scale 1 with equal stiffness is energy itself.
+    coupling = coupled(k_m=k_m, k_sl=k_sl, scale=scale, max_force=unlimited)
+    on_master, on_slave = coupling.forces(master, slave)
+    power_scale = k_m / (k_sl * scale**2)
+    power = dot(on_master, master_velocity) + power_scale * dot(on_slave, slave_velocity)
+    gap = np.subtract(master, np.divide(slave, scale))
+    gap_velocity = np.subtract(master_velocity, np.divide(slave_velocity, scale))
+    if within_limit(on_master, on_slave):
+        assert power == pytest.approx(-k_m * float(gap @ gap_velocity), abs=1e-6)
 
 
 # Damping

@@ -65,6 +65,33 @@ def test_arms_are_free_until_they_engage_where_they_are_then(part: CouplingPart)
     assert on_slave[2] == pytest.approx((0.0, 0.0, 0.5))
 
 
+def test_a_sample_waits_for_that_of_the_other_arm(part: CouplingPart) -> None:
+    put(part, 1, MASTER, 0.0)
+    put(part, 1, SLAVE, 0.0)
+    part.poll(0.001, listeners=1)
+    commands(part)
+    put(part, 2, MASTER, 0.0)
+    assert commands(part) == []
+    assert part.pairing.waiting
+    put(part, 2, SLAVE, 0.0)
+    assert len(commands(part)) == 2
+    assert not part.pairing.waiting
+
+
+def test_arms_are_free_again_when_one_falls_silent(part: CouplingPart) -> None:
+    put(part, 1, MASTER, 0.0)
+    put(part, 1, SLAVE, 0.0)
+    part.poll(0.001, listeners=1)
+    commands(part)
+    assert part.engaged
+    decision = part.poll(0.001 + RELEASED + STEP_PERIOD, listeners=1)
+    assert decision.release
+    assert not part.engaged
+    put(part, 150, MASTER, 0.0)
+    put(part, 150, SLAVE, 0.0)
+    assert commands(part) == []
+
+
 def test_a_silence_that_nobody_looked_at_ends_the_engagement(part: CouplingPart) -> None:
     put(part, 1, MASTER, 0.0)
     put(part, 1, SLAVE, 0.0)

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from haptic_accel.core import model
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
+from haptic_accel.core.identification.sweep import SweepParameters, excitation
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import (
     DriveParameters,
@@ -92,6 +93,23 @@ def test_no_command_overheats_the_coil_or_exceeds_its_peak(
         assert heat <= bearable * (1 + 1e-9)
     assert coil.heat_share() == pytest.approx(heat / bearable if bearable else 0.0)
     assert coil.heat_share() <= 1 + 1e-9
+
+
+def test_a_cold_coil_gives_its_peak() -> None:
+    cold = guard(wide())
+    # A tenth of what it bears takes 10 s x 0.1 x (2.2 / 6.6)^2 of the peak.
+    requested = alternating(PEAK_FORCE, 110)
+    assert [limited(cold, force) for force in requested] == requested
+    assert (cold.heated, cold.saturated) == (0, 0)
+    assert 0.09 < cold.heat_share() < 0.1
+
+
+def test_the_continuous_force_is_free_for_ever() -> None:
+    warm = guard(wide(thermal_time=0.1))
+    requested = alternating(CONTINUOUS_FORCE, 20_000)
+    assert [limited(warm, force) for force in requested] == requested
+    assert warm.heated == 0
+    assert warm.heat_share() == pytest.approx(1.0)
 
 
 def test_a_warm_coil_gives_what_it_bears_and_cools_again() -> None:
@@ -277,6 +295,14 @@ def test_a_constant_force_stretches_the_spring() -> None:
     assert estimator.travel == 0.0
 
 
+def test_gravity_that_the_accelerometer_feels_makes_it_sag() -> None:
+    suspension = model.Suspension()
+    estimator = TravelEstimator(suspension, 1000.0)
+    for _ in range(2000):
+        estimator.observe(0.0, 9.81)
+    assert estimator.travel == pytest.approx(-suspension.m_a * 9.81 / suspension.k_s)
+
+
 @pytest.mark.parametrize("rate", [500.0, 1000.0, 4000.0])
 def test_a_free_mass_rings_at_its_frequency_and_fades_with_its_damping(rate: float) -> None:
     suspension = model.Suspension(b_s=0.2)
@@ -293,6 +319,29 @@ def test_a_free_mass_rings_at_its_frequency_and_fades_with_its_damping(rate: flo
     assert found[at + turn] / found[at] == pytest.approx(
         math.exp(-b_s * turn / rate / (2 * m_a)), rel=0.05
     )
+
+
+def test_it_follows_the_simulated_actuator_through_the_sweep() -> None:
+    rig = MasterRigParameters(
+        grip=model.GripParameters(gravity=6.9),
+        accelerometer=model.AccelerometerParameters(bandwidth=100e3, noise_density=0.0, bits=32),
+        exploration=ExplorationParameters(press_depth=0.0),
+    )
+    rate = 1000.0
+    master = MasterRig(rig, rate)
+    estimator = TravelEstimator(model.Suspension(), rate)
+    true, found = [], []
+    applied = 0.0
+    for index, force in enumerate(excitation(SweepParameters(), rate).tolist()):
+        master.advance(index / rate)
+        found.append(estimator.observe(applied, master.measure().acceleration[ACTUATOR_AXIS]))
+        true.append(master.travel)
+        master.apply_actuator_force(along_actuator(force))
+        applied = force
+    settled = slice(round(0.3 * rate), None)  # the estimate starts in the middle
+    error = np.array(found)[settled] - np.array(true)[settled]
+    # A sample of acceleration stands for the period before it, half a period late.
+    assert np.abs(error).max() < 0.05 * np.abs(true).max()
 
 
 def test_a_rate_that_is_none_is_refused() -> None:

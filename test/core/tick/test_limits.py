@@ -337,6 +337,15 @@ def test_a_force_that_two_nodes_command_is_refused_until_one_does() -> None:
     assert all(bench.run([1.0] * 5))
 
 
+def test_a_held_force_ends_though_neither_of_two_senders_goes_on() -> None:
+    bench = Bench()
+    bench.push(1.0)
+    bench.layer.note_rivals("actuator force", "/a and /b")
+    bench.wait(2 * safety.ACTUATOR_TIMEOUT)
+    bench.tick()
+    assert bench.actuator == 0.0
+
+
 def test_a_new_layer_allows_no_force() -> None:
     layer = SafetyLayer(safety.MasterSafetyParameters(), RATE)
     assert commanded(layer.actuator_limit, 0.0, FRESH, along_actuator(1.0)) is None
@@ -486,6 +495,14 @@ def test_a_warm_coil_scales_what_is_held_on_all() -> None:
     assert held == pytest.approx((held[0], held[0] / 5.0, -2.0 * held[0] / 5.0))
     assert float(layer.diagnostics()["actuator force heat left (%)"]) < 10.0
     assert int(layer.diagnostics()["actuator force limited by heat"]) > 900
+
+
+def test_when_commands_of_three_coils_stop_so_do_all() -> None:
+    layer = three()
+    ticked(layer, 0.0, ZERO)
+    assert commanded(layer.actuator_limit, 0.0, FRESH, (1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0)
+    assert ticked(layer, safety.ACTUATOR_TIMEOUT, ZERO) == ZERO
+    assert "actuator force timed out" in layer.warnings()
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf])
