@@ -249,7 +249,7 @@ def test_what_does_not_fit_is_refused_in_one_line(
 class DriftingCard:
     """A card whose crystal is slow or fast, by the bench's clock; it fetches block by block."""
 
-    rate, block, lead, hearing = 48000.0, BLOCK, 2 * BLOCK / 48000 + PERIOD, 0.0
+    rate, block, lead, input_delay = 48000.0, BLOCK, 2 * BLOCK / 48000 + PERIOD, 0.0
     is_exact = False
 
     def __init__(self, bench: Bench, drift: float) -> None:
