@@ -76,12 +76,12 @@ def measure(seconds: float, seed: int) -> dict[str, float]:
             for channel in hosts.channels:
                 channel.parameters = NETWORK
             begins, ends = now + chance.uniform(*BETWEEN), math.inf
-        if not all(half.engagement.engaged for half in hosts.halves.values()):
+        if not all(half.engagement.engaged for half in hosts.couplings.values()):
             disturbed = tick
         if tick - disturbed > RECOVERY * RATE:
             last_distance = math.dist(at.master, at.slave)
             distance = max(distance, last_distance)
-        for arm, half in hosts.halves.items():
+        for arm, half in hosts.couplings.items():
             commands = hosts.loops[arm].commands
             (_, _, force), before = (
                 next(commands[-1].each) if commands else (0, 0, ZERO),

@@ -44,7 +44,7 @@ DEVICE, SENDER = "device", "sender"
 
 FORCES = topics.MASTER_ARM_FORCE, topics.ACTUATOR_FORCE
 
-COMMANDS = *FORCES, topics.MASTER.beside("servo_cp", topics.MASTER_POSITION.type)
+COMMANDS = *FORCES, topics.MASTER.topic("servo_cp", topics.MASTER_POSITION.type)
 """Commands of the rival: forces, and positions of the arm."""
 
 GENUINE: Vector = (0.0, 0.0, 0.1)

@@ -172,7 +172,7 @@ def identify(
     if arguments.actuator == AUDIO and result.moving_mass:
         _, devices = setup.node("master_device")
         scale = devices[AUDIO].largest_force / result.moving_mass
-        process.tell_supervisor(process.FULL_SCALE, value=scale)
+        process.notify_supervisor(process.FULL_SCALE, value=scale)
         print(f"audio.full_scale: {scale:.4g} N per kg of the handle's mass without m_a")
     print(*result.notes, result.explained, sep="\n")
     print(f"parameters: {update or parameters}", f"report: {page}", sep="\n")
@@ -228,7 +228,7 @@ def _weak_enough(
         except RecordingError as error:
             run, share = run + 1, LESS * share
             if fixed or error.factors != SMALLER or share < SMALLEST_SHARE:
-                process.tell_supervisor(process.UNUSABLE, reason=str(error))
+                process.notify_supervisor(process.UNUSABLE, reason=str(error))
                 raise output.StoppedError(advise(error)) from None
             print(f"{error}; repeated with {100 * share:.0f} % of the amplitudes")
         less = {name: share * value for name, value in first.items()}

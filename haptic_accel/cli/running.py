@@ -264,7 +264,7 @@ def shown_stages(stages: Sequence[str]) -> Iterator[Callable[[str], None]]:
 
         def begin(stage: str) -> None:
             progress.update(task, description=stage, completed=stages.index(stage))
-            process.tell_supervisor(process.PROGRESS, text=stage)
+            process.notify_supervisor(process.PROGRESS, text=stage)
             if not progress.console.is_terminal:
                 print(stage, flush=True)
 

@@ -21,7 +21,7 @@ from haptic_accel.cli.output import StoppedError
 from haptic_accel.cli.running import progress_bar, stop_on_signal
 from haptic_accel.cli.workers import Item, Result, Stop, Workers
 from haptic_accel.core.bounded_files import located, opened
-from haptic_accel.core.process import INTERRUPTED, PROGRESS, tell_supervisor
+from haptic_accel.core.process import INTERRUPTED, PROGRESS, notify_supervisor
 
 Show = Callable[[float], None]
 """Function that shows the number of completed conditions, which may be fractional."""
@@ -142,7 +142,7 @@ def run_study(
                         journal.add(keys[index], result)
                     if text := line(result):
                         report = f"{len(done)} of {len(items)}: {text}"
-                        tell_supervisor(PROGRESS, text=report)
+                        notify_supervisor(PROGRESS, text=report)
                         print(report, flush=True)
                     progress.update(bar, completed=len(done))
         except StoppedError as error:

@@ -287,8 +287,8 @@ class Document:
         """Return a dataclass of parameters, with the values of the same names."""
         values = self.mapping()
         with self.located():
-            given = {name: values[name] for name in parameters.own_schema(kind) if name in values}
-            return kind(**given, **others)
+            own = {name: values[name] for name in parameters.own_schema(kind) if name in values}
+            return kind(**own, **others)
 
     def _inner(self, key: str, value: Any) -> Document:
         return Document(self.path, value, self.source, (*self.keys, key))

@@ -10,7 +10,7 @@ and returns within one sample. Impacts ring, scratches and bumps have neighbours
 and after a step the signal does not return.
 
 A run of up to `LONGEST_OUTLIER` equal samples is an outlier if its deviation from the median of
-the `AROUND` samples on either side exceeds
+the `SPAN` samples on either side exceeds
 
 1. `THRESHOLD` times their scaled median absolute deviation (Hampel's rule), and `THRESHOLD`
    times the resolution of the signal,
@@ -37,7 +37,7 @@ from haptic_accel.core.sampling import BoolArray, IntArray
 LONGEST_OUTLIER = 8
 """Maximum number of equal samples in an outlier; a sensor that sticks for longer is defective."""
 
-AROUND = 16
+SPAN = 16
 """Number of samples on either side with which an outlier is compared."""
 
 NEAR = 3
@@ -85,7 +85,7 @@ def outliers(samples: FloatArray) -> BoolArray:
     array([40])
     """
     found = np.zeros(len(samples), dtype=bool)
-    if len(samples) <= 2 * AROUND:
+    if len(samples) <= 2 * SPAN:
         return found
     begins = np.flatnonzero(np.diff(samples, prepend=np.nan))
     ends = np.append(begins[1:], len(samples))
@@ -156,11 +156,11 @@ def _departures(samples: FloatArray, begins: IntArray, ends: IntArray) -> IntArr
     apart = np.abs(samples[begins] - lowest - half) > RATIO * half
     begins, ends = begins[apart], ends[apart]
     indices = np.concatenate(
-        [begins[:, None] - 1 - np.arange(AROUND), ends[:, None] + np.arange(AROUND)], axis=1
+        [begins[:, None] - 1 - np.arange(SPAN), ends[:, None] + np.arange(SPAN)], axis=1
     )
-    around = samples[np.clip(indices, 0, len(samples) - 1)]
-    median = np.median(around, axis=1)
-    deviations = np.sort(np.abs(around - median[:, None]), axis=1)
+    neighbours = samples[np.clip(indices, 0, len(samples) - 1)]
+    median = np.median(neighbours, axis=1)
+    deviations = np.sort(np.abs(neighbours - median[:, None]), axis=1)
     own = np.abs(samples[begins] - median)
     scale = np.maximum(NORMAL * np.median(deviations, axis=1), _resolution(samples, begins, ends))
     far = (own > THRESHOLD * scale) & (own > RATIO * deviations[:, -1 - COMPANIONS])

@@ -70,7 +70,7 @@ def _reason(error: BaseException) -> str:
         return kind
 
 
-def declared(group: str, taken: Collection[str] = ()) -> dict[str, EntryPoint]:
+def declared(group: str, reserved: Collection[str] = ()) -> dict[str, EntryPoint]:
     """Return the entry points of a group by name: this package's, then those of others.
 
     An unusable or duplicate name is omitted with a warning.
@@ -78,14 +78,14 @@ def declared(group: str, taken: Collection[str] = ()) -> dict[str, EntryPoint]:
     Parameters
     ----------
     group : str
-    taken : collection of str
+    reserved : collection of str
         Names that already have a meaning.
     """
     found: dict[str, EntryPoint] = {}
     for entry in sorted(_entries(group), key=lambda each: (_package(each.dist) != OWN, each.name)):
         if not NAME.fullmatch(entry.name):
             reason = "must be like my_arm2"
-        elif entry.name in taken or entry.name in found:
+        elif entry.name in reserved or entry.name in found:
             reason = "is taken"
         else:
             found[entry.name] = entry

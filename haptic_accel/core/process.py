@@ -53,7 +53,7 @@ _RECORD = "\x1e"
 """First character of a line with an event: a record of a JSON text sequence (RFC 7464)."""
 
 
-def tell_supervisor(event: str, **values: Any) -> None:
+def notify_supervisor(event: str, **values: Any) -> None:
     """Print an event for the supervisor of this process; do nothing without one."""
     if SUPERVISOR in os.environ:
         import json  # imported here, so that an emergency stop starts without it

@@ -55,8 +55,8 @@ def whole_folder(path: Path) -> Iterator[Path]:
         The folder exists already, or cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as around:
-        folder = Path(around, path.name)
+    with TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as temporary:
+        folder = Path(temporary, path.name)
         folder.mkdir()
         yield folder
         for file in (each for each in folder.rglob("*") if each.is_file()):

@@ -51,22 +51,22 @@ class RigParameters:
     master: MasterRigParameters = field(default_factory=MasterRigParameters)
     slave: SlaveRigParameters = field(default_factory=SlaveRigParameters)
     coupling: CouplingParameters = field(default_factory=CouplingParameters)
-    halves: PassiveParameters | None = None
+    passive_coupling: PassiveParameters | None = None
     virtual: VirtualRigParameters = field(default_factory=VirtualRigParameters)
     master_safety: MasterSafetyParameters | None = None
     slave_safety: SafetyParameters = field(default_factory=SafetyParameters)
 
     def coupled(self, rate: float, latency: int) -> tick.PairCoupling:
         """Return the coupling of arms on one host."""
-        if self.halves:
-            return PassivePair(self.halves, rate, latency)
+        if self.passive_coupling:
+            return PassivePair(self.passive_coupling, rate, latency)
         return tick.PositionPositionCoupling(self.coupling)
 
     def plant(self, handle: HandleParameters) -> Plant:
         """Return the plant of a controller, with a handle as held by one user."""
         master = self.master
         sensor, delay = master.accelerometer.bandwidth, master.drive.delay
-        stiffness = self.halves.stiffness if self.halves else self.coupling.k_m
+        stiffness = self.passive_coupling.stiffness if self.passive_coupling else self.coupling.k_m
         return PlayedPlant(
             *(handle, master.mount, delay, sensor),
             coupling=stiffness,
@@ -82,8 +82,8 @@ class RigParameters:
 
     def passive(self, law: str) -> PassiveParameters:
         """Return the parameters of the passive coupling for a law."""
-        if self.halves:
-            return replace(self.halves, law=law)
+        if self.passive_coupling:
+            return replace(self.passive_coupling, law=law)
         c = self.coupling
         return PassiveParameters(law=law, stiffness=c.k_m, scale=c.scale, max_force=c.max_force)
 

@@ -125,7 +125,7 @@ BUNDLES = Topic("_bundles", "std_msgs/msg/UInt8MultiArray", "", "", reliable=Tru
 """Samples of `SIGNALS` as sent by each process, bundled over some hundredths of a second, for the
 recorder. ROS tools hide names with an underscore."""
 
-ASKED = (MASTER_WORK, SLAVE_WORK, CONTACT_FORCE)
+ON_DEMAND = (MASTER_WORK, SLAVE_WORK, CONTACT_FORCE)
 """Sampled topics that are published only while they have a subscriber."""
 
 ANALYSED = (TOOL_ACCELERATION, DESIRED_ACCELERATION, HANDLE_ACCELERATION, ACTUATOR_FORCE)
@@ -160,7 +160,7 @@ class ArmTopics:
     actuator_force: Topic | None = None
     contact_force: Topic | None = None
 
-    def beside(
+    def topic(
         self, name: str, kind: str, *, reliable: bool = True, latched: bool = False
     ) -> Topic:
         """Return another topic of this arm, by CRTK's name, in the frame of its positions."""

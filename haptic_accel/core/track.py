@@ -197,13 +197,13 @@ def looped(track: Track) -> Track:
     acceleration = sampling.crossfaded(track.acceleration, track.rate, FADE)
     fade = len(track) - len(acceleration)
     phase = np.arange(1, fade + 1)[:, None] / fade * np.pi
-    begun = (1 - np.cos(phase)) / 2
-    begun_rate = np.sin(phase) / 2 * np.pi / fade * track.rate
+    weight = (1 - np.cos(phase)) / 2
+    weight_rate = np.sin(phase) / 2 * np.pi / fade * track.rate
     position, velocity = track.position[fade:].copy(), track.velocity[fade:].copy()
     first, last = slice(fade), slice(-fade, None)
     away = track.position[first] - track.position[last]
-    position[last] += begun * away
-    velocity[last] += begun * (track.velocity[first] - track.velocity[last]) + begun_rate * away
+    position[last] += weight * away
+    velocity[last] += weight * (track.velocity[first] - track.velocity[last]) + weight_rate * away
     return Track(track.rate, acceleration, position, velocity, track.lost[fade:])
 
 

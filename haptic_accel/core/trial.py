@@ -287,7 +287,7 @@ def run_trial(
         raise ParameterError(f"duration = {duration}: must hold at least one sample")
     rig = rig or RigParameters()
     axes = master_rig.axes_of(rig.master)
-    around = replace(compensation or CompensationParameters(), controller=controller)
+    settings = replace(compensation or CompensationParameters(), controller=controller)
     tool_axes = Axes.parsed((rig.virtual if scene else rig.slave).tool.axes)
     slave: Rig
     if replayed is not None:
@@ -301,7 +301,7 @@ def run_trial(
     crossings: list[_PlayedSample] = []
     rigs = master_rig.simulated_master(rig.master, rate, seed), slave
     devices = dict(zip(topics.ARMS, rigs, strict=True))
-    sides, part = build_parts(rig, devices, around, controllers or {}, rate, latency)
+    sides, part = build_parts(rig, devices, settings, controllers or {}, rate, latency)
     hosts = (
         build_loop(rig, sides, part, composed=composed)
         if channel is None
@@ -314,7 +314,7 @@ def run_trial(
     moved = [*vectors[1:4], *vectors[5:8], *vectors[_SIGNALS:]]
     by_topic = dict(zip(_MOVED, moved, strict=False))
     surface = scene.name if scene else rig.slave.surface.name
-    corner = around.high_pass_frequency
+    corner = settings.high_pass_frequency
     crossing = None
     if channel is not None:
         crossing, tool = _crossed(crossings, tool, rate, axes)
@@ -335,7 +335,7 @@ def _failed(reason: str, warnings: Sequence[Warned], duration: float) -> float |
     if not reason:
         return None
     warn_once(reason)
-    return next((time for time, told in warnings if reason in told), duration)
+    return next((time for time, message in warnings if reason in message), duration)
 
 
 def _crossed(
@@ -406,7 +406,7 @@ def _run(
         if touching:
             rows[tick, -1] = touching.contact_force or model.ZERO
         if isinstance(hosts, TwoHosts):
-            played = hosts.halves[MASTER].played
+            played = hosts.couplings[MASTER].played
             crossings.append((played, hosts.position, hosts.energy))
         if time >= looked + WARNING_CHECK_PERIOD:
             looked, now = time, part.slow.warning

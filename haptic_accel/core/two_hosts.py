@@ -448,7 +448,7 @@ class TwoHosts:
     ----------
     loops : dict of HostLoop
         Loops of master and slave.
-    halves : dict of HalfCouplingPart
+    couplings : dict of HalfCouplingPart
     channels : list of Channel
         Channels from the master, and from the slave.
     """
@@ -468,7 +468,7 @@ class TwoHosts:
         self._rate = sides[tick.MASTER].rate
         self._first = round(BEGIN * self._rate)
         self._sessions = itertools.count(1)
-        self.halves: dict[str, HalfCouplingPart] = {}
+        self.couplings: dict[str, HalfCouplingPart] = {}
         self.loops: dict[str, tick.HostLoop] = {}
         for arm in ARMS:
             self.restart(arm, 0.0)
@@ -480,12 +480,12 @@ class TwoHosts:
     @property
     def position(self) -> float:
         """Time of the played sample, in samples since the first; NaN while waiting."""
-        return self.halves[tick.MASTER].end.endpoint.playout.position - self._first
+        return self.couplings[tick.MASTER].end.endpoint.playout.position - self._first
 
     @property
     def energy(self) -> tuple[float, float]:
         """Energy in the tanks of master and slave, J."""
-        master, slave = (half.end.half.energy for half in self.halves.values())
+        master, slave = (half.end.half.energy for half in self.couplings.values())
         return master, slave
 
     def restart(self, arm: str, now: float) -> None:
@@ -495,7 +495,7 @@ class TwoHosts:
         end = ArmEndpoint(arm, self._parameters, side.rate, side.latency, session, self._axes)
         half = HalfCouplingPart(end, HalfEngagement(conditions, now, arm), conditions.timeout)
         half.offset = BEGIN * NANOSECONDS
-        self.halves[arm] = half
+        self.couplings[arm] = half
         compensation = self._compensation if arm == tick.MASTER else None
         self.loops[arm] = tick.HostLoop({arm: side}, half, compensation)
 
@@ -503,13 +503,13 @@ class TwoHosts:
         """Process a tick on both hosts."""
         time = tick / self._rate
         system = BEGIN * NANOSECONDS + round(time * NANOSECONDS)
-        for half, channel in zip(self.halves.values(), reversed(self.channels), strict=True):
+        for half, channel in zip(self.couplings.values(), reversed(self.channels), strict=True):
             half.receive(channel.arrived(time + ROUNDING), time, system)
         for arm, loop in self.loops.items():
             # A device stops together with its coupler.
-            stopped = self.halves[arm].engagement.stop.stopped
-            self.halves[arm].engagement.arm_stopped(arm, stopped)
+            stopped = self.couplings[arm].engagement.stop.stopped
+            self.couplings[arm].engagement.arm_stopped(arm, stopped)
             loop.step(tick)
-        for half, channel in zip(self.halves.values(), self.channels, strict=True):
+        for half, channel in zip(self.couplings.values(), self.channels, strict=True):
             if packet := half.packet(time, system):
                 channel.send(packet, time)

@@ -102,7 +102,7 @@ OnLine = Callable[[str, str], None]
 """Function of the name of a process and a line of its output."""
 
 OnEvent = Callable[[str, dict[str, Any]], None]
-"""Function of the name of a process and an event; see `core.process.tell_supervisor`."""
+"""Function of the name of a process and an event; see `core.process.notify_supervisor`."""
 
 
 class Lines:

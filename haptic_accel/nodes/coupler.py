@@ -19,7 +19,7 @@ from haptic_accel.core.coupling import passive
 from haptic_accel.core.coupling.engagement import Engagement
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError, schema
-from haptic_accel.core.process import ENGAGED, OVER, tell_supervisor
+from haptic_accel.core.process import ENGAGED, OVER, notify_supervisor
 from haptic_accel.core.tick import ArmSample, CoupledForces
 from haptic_accel.core.topics import ARMS
 from haptic_accel.nodes.emergency_stop import CouplerStop
@@ -247,9 +247,9 @@ class CouplingNode(GraphNode):
         if decision.engage:
             where = " at the former reference positions" if decision.resume else ""
             self.get_logger().info(f"engaged{where}")
-            tell_supervisor(ENGAGED)
+            notify_supervisor(ENGAGED)
         if decision.finished:
-            tell_supervisor(OVER)
+            notify_supervisor(OVER)
             self.finish(f"duration of {self.parameters.duration:g} s is over")
 
     def _let_go(self) -> None:
@@ -335,7 +335,7 @@ class Coupler(CouplingNode):
             "positions held": str(self.part.pairing.held),
             "positions refused": str(self.engagement.refused),
         }
-        for arm, side in zip(ARMS, self._passive.halves, strict=True) if self._passive else ():
+        for arm, side in zip(ARMS, self._passive.sides, strict=True) if self._passive else ():
             values |= {
                 f"{arm} energy (mJ)": f"{side.energy * 1e3:.3f}",
                 f"{arm} limited (%)": f"{side.limited * 100:.1f}",

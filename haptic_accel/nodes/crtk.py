@@ -167,9 +167,9 @@ class Queries:
 
     def __init__(self, node: GraphNode, arm: ArmTopics) -> None:
         self._frame, self._prefix = arm.position.frame, f"{arm.position.source}_"
-        self._joints = node.publisher(arm.beside("measured_js", _JOINTS))
+        self._joints = node.publisher(arm.topic("measured_js", _JOINTS))
         self._force, self._set_force, self._set_point = (
-            Sender(node, arm.beside(name, kind))
+            Sender(node, arm.topic(name, kind))
             for name, kind in (
                 ("measured_cf", arm.arm_force.type),
                 ("setpoint_cf", arm.arm_force.type),
@@ -258,9 +258,9 @@ class MotionCommands:
     ) -> None:
         self._limits = limits
         self.servo = PositionServo(servo)
-        self.positions = node.inbox(arm.beside("servo_cp", arm.position.type, reliable=False))
-        self._holds = node.inbox(arm.beside("hold", _EMPTY))
-        self._frees = node.inbox(arm.beside("free", _EMPTY))
+        self.positions = node.inbox(arm.topic("servo_cp", arm.position.type, reliable=False))
+        self._holds = node.inbox(arm.topic("hold", _EMPTY))
+        self._frees = node.inbox(arm.topic("free", _EMPTY))
         self.expected = False
         self.refused = 0
 
@@ -322,7 +322,7 @@ class OperatingState:
         rearm: Callable[[], str],
     ) -> None:
         def topic(name: str, kind: str = arm.stopped.type) -> Topic:
-            return arm.beside(name, kind, latched=True)
+            return arm.topic(name, kind, latched=True)
 
         self._node, self._safety, self._fault, self._rearm = node, safety, fault, rearm
         self._pausing = False
@@ -333,7 +333,7 @@ class OperatingState:
         self._state = None
         if find_spec(MESSAGES):
             self._state = node.publisher(topic("operating_state", _STATE))
-            commands = arm.beside("state_command", _TEXT)
+            commands = arm.topic("state_command", _TEXT)
             node.create_subscription(message_type(commands), commands.name, self._receive, 10)
         else:
             node.get_logger().debug(f"no {MESSAGES}: no operating_state, no state_command")

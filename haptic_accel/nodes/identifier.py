@@ -13,7 +13,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.identification.sweep import repeats_of_trial, trial_forces
 from haptic_accel.core.model import ACTUATOR, ZERO, Vector
-from haptic_accel.core.process import REPEAT, TOO_STRONG, tell_supervisor
+from haptic_accel.core.process import REPEAT, TOO_STRONG, notify_supervisor
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import STOPPED, TravelEstimator
 from haptic_accel.devices.interface import DeviceError
@@ -118,7 +118,7 @@ class Identifier(GraphNode):
                 f"travel: {1e3 * travel:.2f} mm, must be at most"
                 f" {1e3 * self._most_travel:.2f} mm; use a smaller amplitude"
             )
-            tell_supervisor(TOO_STRONG, reason=reason)
+            notify_supervisor(TOO_STRONG, reason=reason)
             self._fail(reason)
             return
         force = self._next_force(moment)
@@ -156,7 +156,7 @@ class Identifier(GraphNode):
         p = self.parameters
         trial, repeat = divmod(done, self._repeats)
         line = f"trial {trial + 1} of {p.trials}, repeat {repeat + 1} of {self._repeats}"
-        tell_supervisor(REPEAT, done=done)
+        notify_supervisor(REPEAT, done=done)
         if trial == p.trials:
             line = f"done, largest travel {1e3 * self._widest:.2f} mm"
         self.get_logger().info(line)

@@ -23,7 +23,7 @@ from haptic_accel.bags.trial_metadata import PARAMETERS, custom_data, read_descr
 from haptic_accel.bags.writing import Answer, MessageWriter, RecordingSession
 from haptic_accel.core import cdr, topics
 from haptic_accel.core.bundles import DUPLICATE_MEMORY, BothWays, InOrder, believed, unpack_bundle
-from haptic_accel.core.process import RECORDED, tell_supervisor
+from haptic_accel.core.process import RECORDED, notify_supervisor
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import run_nodes
@@ -257,7 +257,7 @@ class Recorder(GraphNode):
         self._receiver = SignalReceiver(self, signals)
         self._writers: dict[str, MessageWriter] = {}
         self._descriptions: dict[tuple[str, ...], Callable[[], object]] = {}
-        named = (topic for topic in topics.ASKED if topic.name in p.named_topics)
+        named = (topic for topic in topics.ON_DEMAND if topic.name in p.named_topics)
         for topic in (*topics.TOPICS, *named, topics.PARAMETER_EVENTS, LOGS, *TRANSITIONS):
             self._record_own(topic)
         session = self._session
@@ -282,7 +282,7 @@ class Recorder(GraphNode):
         done, line = self._session.stop()
         if done:
             print(line, flush=True)
-            tell_supervisor(RECORDED, path=str(self._session.path))
+            notify_supervisor(RECORDED, path=str(self._session.path))
         if self._session.failures:
             raise OSError("; ".join(self._session.failures))
 

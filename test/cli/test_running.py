@@ -119,9 +119,9 @@ def test_an_output_that_is_closed_ends_the_graph_in_order(
 
 
 FAILING = """
-from haptic_accel.core.process import tell_supervisor
+from haptic_accel.core.process import notify_supervisor
 {}
-tell_supervisor("recorded", path="bag")
+notify_supervisor("recorded", path="bag")
 raise SystemExit(1)
 """
 
@@ -130,7 +130,7 @@ raise SystemExit(1)
     ("before", "said"),
     [
         ("", "nothing to analyse, as the graph failed before the arms were coupled: bag"),
-        ("tell_supervisor('engaged')", "next: haptic-accel analyze bag"),
+        ("notify_supervisor('engaged')", "next: haptic-accel analyze bag"),
     ],
 )
 def test_the_bag_of_a_failed_start_is_not_to_be_analysed(

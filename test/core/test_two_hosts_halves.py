@@ -64,7 +64,7 @@ class Run:
         }
         network = ChannelParameters(delay=DELAY)
         self.hosts = TwoHosts(PassiveParameters(), network, sides, axes=axes)
-        self.master, self.slave = self.hosts.halves.values()
+        self.master, self.slave = self.hosts.couplings.values()
         self.tick = 0
 
     def place(self, at: Vector) -> None:
@@ -82,7 +82,7 @@ class Run:
                 for caused in loop.commands
                 for arm, _, force in caused.each
             }
-            played = self.hosts.halves[MASTER].played
+            played = self.hosts.couplings[MASTER].played
             found.append(PlayedSample(forces.get(0), forces.get(1), played.kind))
             self.tick += 1
         return found
@@ -152,7 +152,7 @@ def test_after_a_silence_playout_begins_anew_and_arms_engage_after_resting() -> 
 def test_a_half_that_starts_again_is_engaged_with_anew() -> None:
     run = engaged_run()
     run.hosts.restart(SLAVE, run.tick / RATE)
-    run.slave = run.hosts.halves[SLAVE]
+    run.slave = run.hosts.couplings[SLAVE]
     run.run(RELEASED + 2 * WAY)
     assert run.engaged == (False, False)
     run.run(2 * FREE_TIME + 4 * WAY)

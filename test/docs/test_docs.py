@@ -23,7 +23,7 @@ from matplotlib import pyplot
 
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.process import module_command
-from haptic_accel.core.topics import ASKED, HAND_SET_POINT, JOINT_STATES, TOPICS
+from haptic_accel.core.topics import HAND_SET_POINT, JOINT_STATES, ON_DEMAND, TOPICS
 from haptic_accel.setup.node_parameters import NODES, node_schema
 from running import Command
 
@@ -111,7 +111,7 @@ def test_the_table_of_topics_is_that_of_the_code() -> None:
         for names, kind in [re.match(r"\| (.*?) \| `(.*?)`", line).groups()]  # type: ignore[union-attr]
         for name in re.findall(r"`([^`]+)`", names)
     }
-    topics = (*TOPICS, JOINT_STATES, HAND_SET_POINT, *ASKED)
+    topics = (*TOPICS, JOINT_STATES, HAND_SET_POINT, *ON_DEMAND)
     assert listed == {(topic.name, topic.type, topic.latched) for topic in topics}
 
 

@@ -262,9 +262,9 @@ def test_an_end_does_not_wait_for_who_takes_no_lines(monkeypatch: pytest.MonkeyP
 
 
 EVENTFUL = """
-from haptic_accel.core.process import tell_supervisor
+from haptic_accel.core.process import notify_supervisor
 print("engaged, says a line", flush=True)
-tell_supervisor("engaged", place="\u00e4 {}")
+notify_supervisor("engaged", place="\u00e4 {}")
 print('\\x1enot JSON', flush=True)
 """
 
@@ -284,10 +284,10 @@ def test_events_are_told_apart_from_whatever_lines_say() -> None:
 
 
 MANY = """
-from haptic_accel.core.process import tell_supervisor
+from haptic_accel.core.process import notify_supervisor
 for number in range(3000):
     print(number, flush=True)
-tell_supervisor("recorded", path="bag")
+notify_supervisor("recorded", path="bag")
 """
 
 

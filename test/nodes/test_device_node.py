@@ -330,7 +330,7 @@ def test_a_command_that_a_second_node_publishes_too_is_refused_meanwhile(bench: 
 RIVAL = (0.0, 0.7, -0.5)
 """Force in N, or position in m, that nobody else sends."""
 
-POSITION_COMMAND = topics.MASTER.beside("servo_cp", topics.MASTER_POSITION.type)
+POSITION_COMMAND = topics.MASTER.topic("servo_cp", topics.MASTER_POSITION.type)
 
 
 @pytest.mark.parametrize("seen", [False, True])

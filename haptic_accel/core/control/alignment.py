@@ -99,7 +99,7 @@ class Alignment:
 
     def reset(self) -> None:
         """Discard all samples and reported faults."""
-        self._taken = 0  # count of the last block
+        self._last_count = 0  # count of the last block
         self._rest: FloatArray | None = None
         self._state = np.zeros((len(self._sections), 6, 2))
         self._powers = np.zeros((6, 6))
@@ -111,10 +111,10 @@ class Alignment:
     def update(self) -> int:
         """Evaluate the axes if a block is complete; return the samples left to the next block."""
         trace = self._trace
-        length = min(trace.count - self._taken, trace.stored)
+        length = min(trace.count - self._last_count, trace.stored)
         if length >= self._length:
             self._look(length)
-        return self._taken + self._length - trace.count
+        return self._last_count + self._length - trace.count
 
     def _look(self, length: int) -> None:
         trace = self._trace
@@ -123,8 +123,8 @@ class Alignment:
         block = np.concatenate([expected, measured])
         # Saturation of the sensor counts like a limit of the actuator.
         held = max([trace.limited, *trace.saturated[-1:]])
-        is_clean = held + self._settling <= self._taken
-        self._taken = trace.count
+        is_clean = held + self._settling <= self._last_count
+        self._last_count = trace.count
         if self._rest is None:
             self._rest = block[:, :1]
         block, self._state = self._filtered(self._sections, block - self._rest, zi=self._state)

@@ -232,7 +232,7 @@ class Authority(ForceFraction):
 
     def reset(self) -> None:
         """Return to the full force."""
-        self._start = self._taken = self.traces[0].count
+        self._start = self._last_count = self.traces[0].count
         self.used = self.fraction = self._caution = self._ceiling = self.left_over = 1.0
         self._reduced_for = 0.0  # duration of a clear reduction so far, s
         self.reduced = self._changing = self._touched = False
@@ -250,7 +250,7 @@ class Authority(ForceFraction):
     @property
     def left(self) -> int:
         """Number of samples until the next update; not positive if it is due."""
-        return self._taken + self._length - self.traces[0].count
+        return self._last_count + self._length - self.traces[0].count
 
     def update(self, described: bool) -> None:
         """Update the fraction if enough samples are stored.
@@ -262,12 +262,12 @@ class Authority(ForceFraction):
             during silence is then not caused by the force.
         """
         count = self.traces[0].count
-        length = min(count - self._taken, self.traces[0].stored)
+        length = min(count - self._last_count, self.traces[0].stored)
         if length < self._length:
             return
         signals = zip(self._filters, self._signals(length), strict=True)
         passed = [each.process(value) for each, signal in signals for value in signal]
-        self._taken = count
+        self._last_count = count
         # The components of a vector are concatenated: their powers add.
         block = np.array(passed).reshape(2, -1)
         desired_power, common, _, moved = (block @ block.T / length).ravel().tolist()

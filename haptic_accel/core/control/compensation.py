@@ -256,7 +256,7 @@ class Compensation(HandleCompensation):
         self.switch.select(name)
         if self.first.asleep:
             self.switch.settle()
-            self._judge_anew()
+            self._restart_evaluation()
 
     def set_gain(self, gain: float) -> None:
         """Change the factor of the desired acceleration; immediately in the idle state."""
@@ -293,12 +293,12 @@ class Compensation(HandleCompensation):
         count = self.first.trace.count
         if count < self.due or self.first.asleep:
             return
-        begun = self._clock()
+        started = self._clock()
         self._listen()
         if count >= self._work_due:
             self._work_due = count + self._work()
         self.due = min(self._work_due, count + max(1, self.howling[0].left))
-        self.slow_work.add(self._clock() - begun)
+        self.slow_work.add(self._clock() - started)
 
     def _listen(self) -> None:
         """Interrupt the force if the tool may pick it up; end it if the tool does."""
@@ -319,7 +319,7 @@ class Compensation(HandleCompensation):
         if self.alignment:
             left.append(self.alignment.update())
         if self._is_alone != self.judged_alone:
-            self._judge_anew()
+            self._restart_evaluation()
         elif self.first.substitution.reducible:
             # Not in the samples in which the channels' supervision is computed.
             if self.authority.left <= 0 and self.first.trace.count % TURNS:
@@ -398,11 +398,11 @@ class Compensation(HandleCompensation):
         for each in self.howling:
             each.reset()
         self.switch.settle()
-        self._judge_anew()
+        self._restart_evaluation()
         self.tool_x = self.tool_y = self.tool_z = 0.0
         self.has_tool = self.has_handle = self.has_seen = False
 
-    def _judge_anew(self) -> None:
+    def _restart_evaluation(self) -> None:
         """Restart the evaluation of the active controller, with its full force at first."""
         self.judged_alone = self._is_alone
         self.authority.reset()

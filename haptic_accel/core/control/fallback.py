@@ -212,8 +212,8 @@ class Fallback(Substitution):
         return desired, latest(self.trace, MEASURED, length)
 
     def _prospects(self, length: int) -> tuple[FloatArray, FloatArray]:
-        caused = self.supervisor.expected(length, DRIVE, self._replaced)
-        return caused, self._desired(length, self._delay)
+        expected = self.supervisor.expected(length, DRIVE, self._replaced)
+        return expected, self._desired(length, self._delay)
 
     def _desired(self, length: int, late: int) -> FloatArray:
         return latest(self.trace, DESIRED, length, late, self._followed)
@@ -266,10 +266,10 @@ class Fallback(Substitution):
         if power < LEAST_DESIRED**2:
             return
         shared = (ratio.conj() * prospect.cross).real
-        caused = np.abs(ratio) ** 2 * prospect.excitation
-        error = caused - 2.0 * shared + prospect.output
+        expected = np.abs(ratio) ** 2 * prospect.excitation
+        error = expected - 2.0 * shared + prospect.output
         # Fraction of the force with the smallest predicted error.
-        best = self._power(shared) / max(self._power(caused), 1e-12)
+        best = self._power(shared) / max(self._power(expected), 1e-12)
         self.part = min(max(best, LEAST_PART), LARGEST_PART)
         foreseen = math.sqrt(max(0.0, self._power(error)) / power)
         present = 1.0 if self.substitute == NO_CONTROLLER else self._error

@@ -53,7 +53,7 @@ MODEL_MEMORY = 0.3
 FEEDBACK_MEMORY = 0.05
 """Length of Q, s; four times this length reduces the error by less than 1 %."""
 
-FELT_FREQUENCY = 500.0
+PERCEPTIBLE_FREQUENCY = 500.0
 """Upper frequency of unexpected tool acceleration, Hz; fingertips are hardly sensitive above it
 (Bolanowski et al., J. Acoust. Soc. Am. 84, 1988, measured 0.4 to 500 Hz)."""
 
@@ -299,9 +299,9 @@ def design_feedback(
     grid.
 
     A feedback that reduces the error at some frequencies increases it at others (Bode's integral).
-    Therefore `UNEXPECTED_DENSITY` up to `FELT_FREQUENCY` is added to the tool's spectrum. It costs
-    a twentieth of the improvement on expected textures, and halves the loss on rougher ones. The
-    same white density in the measurement keeps Q small where the handle hardly responds.
+    Therefore `UNEXPECTED_DENSITY` up to `PERCEPTIBLE_FREQUENCY` is added to the tool's spectrum.
+    It costs a twentieth of the improvement on expected textures, and halves the loss on rougher
+    ones. The same white density in the measurement keeps Q small where the handle hardly responds.
 
     Parameters
     ----------
@@ -392,7 +392,7 @@ class _Problem:
         expected = goal.spectrum(frequency) * np.abs(passed) ** 2
         self._expected = expected / expected.sum()
         unexpected = design.UNEXPECTED_DENSITY**2 * np.abs(passed) ** 2
-        falling = (1.0 + (frequency / FELT_FREQUENCY) ** 2) ** 3
+        falling = (1.0 + (frequency / PERCEPTIBLE_FREQUENCY) ** 2) ** 3
         power = expected + unexpected / falling
         self._power = power / (len(plants) * power.sum())
         self._noise = SENSOR_DENSITY**2 / (len(plants) * float(power.sum()))

@@ -97,7 +97,7 @@ class HowlingDetector:
 
     def reset(self) -> None:
         """Discard all samples and suspicions."""
-        self._taken = self._trace.count
+        self._last_count = self._trace.count
         self._high_pass.reset()
         self._moved = np.zeros(self._length)
         self._rest: float | None = None
@@ -109,15 +109,15 @@ class HowlingDetector:
     @property
     def left(self) -> int:
         """Number of samples until the next evaluation; not positive if it is due."""
-        return self._taken + self._hop - self._trace.count
+        return self._last_count + self._hop - self._trace.count
 
     def update(self) -> None:
         """Evaluate the latest samples, if enough are stored."""
         trace = self._trace
-        new = min(trace.count - self._taken, trace.stored)
+        new = min(trace.count - self._last_count, trace.stored)
         if new < self._hop:
             return
-        self._taken = trace.count
+        self._last_count = trace.count
         self._follow(new)
         self._pause -= new / self._rate
         if self.suspects:
@@ -143,8 +143,8 @@ class HowlingDetector:
         if _power(force) < LEAST_FORCE**2 or power < LEAST_TOOL**2:
             return False
         half = length // 2
-        begun, ending = _power(tool[:half]), _power(tool[half:])
-        lasting = ending / max(begun, NOISE**2)
+        beginning, ending = _power(tool[:half]), _power(tool[half:])
+        lasting = ending / max(beginning, NOISE**2)
         turns = np.count_nonzero(tool[1:] * tool[:-1] < 0.0)
         before = min(_power(latest(trace, DESIRED, length, late * length)) for late in (1, 2))
         if lasting < LASTING or power > GROWN * max(before, NOISE**2) or turns < TURNS:
@@ -154,8 +154,8 @@ class HowlingDetector:
         if not (is_heard or self._is_deaf(force, power)):
             return False
         self._is_heard = is_heard
-        caused = self._caused(length)
-        self._gain = float(now @ caused) / max(float(caused @ caused), NOISE**2)
+        pickup = self._pickup(length)
+        self._gain = float(now @ pickup) / max(float(pickup @ pickup), NOISE**2)
         # Less remains anyway of a vibration that ends by itself.
         spans = MUTED * self._rate / half
         self._least = ENDED * ending * min(1.0, lasting) ** spans
@@ -174,7 +174,7 @@ class HowlingDetector:
         answer = min(_power(force) / self._mass**2, power)
         return moved < SILENT_SHARE**2 * answer
 
-    def _caused(self, length: int) -> FloatArray:
+    def _pickup(self, length: int) -> FloatArray:
         """Return the motion that the tool's sensor may pick up, up to the sample before the last.
 
         If the handle's sensor does not respond, this is the expected motion of the handle.
@@ -195,7 +195,7 @@ class HowlingDetector:
         """End the time without force; if the vibration has ended, the force was its cause."""
         length = max(1, round(QUIET * self._rate))
         tool = latest(self._trace, DESIRED, length, 1)
-        left = _power(tool - self._gain * self._caused(length))
+        left = _power(tool - self._gain * self._pickup(length))
         self.proved = left < max(self._least, NOISE**2)
         self.suspects = False
         self._pause, self._next = self._next, min(2.0 * self._next, LONGEST_PAUSE)

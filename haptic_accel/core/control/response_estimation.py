@@ -219,12 +219,12 @@ class ResponseEstimator(Evaluation):
             each *= factor
 
     def _look(self, late: int) -> Iterator[bool | None]:
-        given, shown = self.read(self._length)
+        drive, shown = self.read(self._length)
         # Gravity is not part of the response, and would leak into the lowest lines.
-        given -= np.add.reduce(given) / self._length
-        if float(given.dot(given)) < self._length * self._least**2:
+        drive -= np.add.reduce(drive) / self._length
+        if float(drive.dot(drive)) < self._length * self._least**2:
             return
-        cause = self.model * np.fft.rfft(given * self._shape)
+        cause = self.model * np.fft.rfft(drive * self._shape)
         yield None
         effect = np.fft.rfft((shown - np.add.reduce(shown) / self._length) * self._shape)
         self._compare(cause, effect)

@@ -293,7 +293,7 @@ class PassiveHalf:
         self._book(position, work)
         self._follow_age(round_trip_age)
         if self._p.law == "passive":
-            set_point = self._led(set_point, set_point_velocity)
+            set_point = self._extrapolated(set_point, set_point_velocity)
         force = self._spend(position, velocity, set_point)
         self._forces.append(force)
         self._ship(self._surplus)
@@ -340,7 +340,7 @@ class PassiveHalf:
         self._spring_energy = 0.0
         self._spring_share = self._total_share = 1.0
         self._set_point: Vector | None = None
-        self._led_velocity = ZERO
+        self._filtered_velocity = ZERO
 
     def _settle(self) -> None:
         """Subtract the energy that present forces could transfer, as it is no longer measured."""
@@ -357,21 +357,21 @@ class PassiveHalf:
             fx, fy, fz = acted.total
             bx, by, bz = acted.damping
             # If samples are missing, the force may have ended: limit its work to one sample.
-            given = max(fx * dx + fy * dy + fz * dz, -acted.reserve)
+            spent = max(fx * dx + fy * dy + fz * dz, -acted.reserve)
             if work is not None and self._work is not None:
-                given = self._plausible(work - self._work, math.sqrt(dx * dx + dy * dy + dz * dz))
-            self.energy -= given
+                spent = self._plausible(work - self._work, math.sqrt(dx * dx + dy * dy + dz * dz))
+            self.energy -= spent
             damped = -(bx * dx + by * dy + bz * dz)
             spare = self.energy - self._under_way
             self.energy -= max(0.0, min((1.0 - KEPT) * damped, spare / 2))
         self._position, self._work = position, work
 
-    def _plausible(self, given: float, distance: float) -> float:
+    def _plausible(self, reported: float, distance: float) -> float:
         """Return a device's work, J, over a distance, m, limited to the possible work."""
         limit = self._p.max_force
-        if given > limit * (distance + RESTART_TRAVEL):
+        if reported > limit * (distance + RESTART_TRAVEL):
             return 0.0
-        return max(given, -limit * distance)
+        return max(reported, -limit * distance)
 
     def _follow_age(self, age: float) -> None:
         """Set stiffness and damping for the age of the peer's data, s."""
@@ -389,12 +389,12 @@ class PassiveHalf:
         self.stiffness = self._risen * self._bearable
         self.damping = self.stiffness * age / 2
 
-    def _led(self, set_point: Vector, velocity: Vector) -> Vector:
+    def _extrapolated(self, set_point: Vector, velocity: Vector) -> Vector:
         """Return the filtered set-point, extrapolated to the present along the velocity."""
         share = self._period / (self._period + LEAD_SMOOTHING)
-        self._led_velocity = led = _toward(self._led_velocity, velocity, share)
+        self._filtered_velocity = filtered = _toward(self._filtered_velocity, velocity, share)
         x, y, z = set_point
-        vx, vy, vz = led
+        vx, vy, vz = filtered
         lead = self._lead * self._age
         ahead = x + lead * vx, y + lead * vy, z + lead * vz
         share = self._period / (self._period + SMOOTHING * self._age)
@@ -457,7 +457,7 @@ class PassivePair(PairCoupling):
 
     Attributes
     ----------
-    halves : tuple of PassiveHalf
+    sides : tuple of PassiveHalf
         Halves of master and slave.
     """
 
@@ -465,7 +465,7 @@ class PassivePair(PairCoupling):
         super().__init__()
         self.stiffness, self.scale = parameters.stiffness, parameters.scale
         self._origins: tuple[Vector, Vector] | None = None
-        self.halves = (
+        self.sides = (
             PassiveHalf(parameters, rate, latency),
             PassiveHalf(of_slave(parameters), rate, latency, leads=True),
         )
@@ -474,13 +474,13 @@ class PassivePair(PairCoupling):
         """Couple the arms at their positions, m."""
         self.engaged = True
         self._origins, self._slave = (master, slave), slave
-        for half in self.halves:
+        for half in self.sides:
             half.engage()
 
     def disengage(self) -> None:
         """Uncouple: forces are zero until the next `engage`."""
         self.engaged, self._origins = False, None
-        for half in self.halves:
+        for half in self.sides:
             half.disengage()
 
     def change(self, parameters: PassiveParameters, samples: int = 0) -> None:
@@ -496,7 +496,7 @@ class PassivePair(PairCoupling):
             moved = x - (x - x0) * ratio, y - (y - y0) * ratio, z - (z - z0) * ratio
             self._origins = self._origins[0], moved
         self.scale = parameters.scale
-        for half, own in zip(self.halves, (parameters, of_slave(parameters)), strict=True):
+        for half, own in zip(self.sides, (parameters, of_slave(parameters)), strict=True):
             half.change(own)
 
     def couple(self, master: ArmSample, slave: ArmSample) -> None:
@@ -504,7 +504,7 @@ class PassivePair(PairCoupling):
         if self._origins is None:
             self.m_x = self.m_y = self.m_z = self.s_x = self.s_y = self.s_z = 0.0
             return
-        first, second = self.halves
+        first, second = self.sides
         if all(map(math.isfinite, slave.position)):
             self._slave = slave.position
         scale, (master_origin, slave_origin) = self.scale, self._origins

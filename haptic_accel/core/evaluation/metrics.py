@@ -123,8 +123,8 @@ def estimate_delay(
     peak = int(lags[np.argmax(correlation[lags])])
     if abs(peak) == farthest or correlation[peak] <= 0.0:
         return nothing
-    lag, likeness = _between_samples(cross, length, peak)
-    found = min(likeness / scale, 1.0)
+    lag, maximum = _between_samples(cross, length, peak)
+    found = min(maximum / scale, 1.0)
     return Delay(lag / rate if found >= ALIKE else math.nan, found)
 
 
@@ -731,7 +731,7 @@ CENTRES: FloatArray = 1000.0 * 10.0 ** (np.arange(-17, -2) / 10.0)
 """Centres of the third-octave bands (IEC 61260, base ten), 20 to 500 Hz: above the compensator's
 high-pass corner, and up to the highest frequency of `DETECTION`'s source."""
 
-_HALF_BAND = 10.0**0.05  # ratio of a band's upper edge to its centre
+_EDGE_RATIO = 10.0**0.05  # ratio of a band's upper edge to its centre
 
 
 def detection_threshold(frequency: FloatArray) -> FloatArray:
@@ -790,17 +790,17 @@ def indistinguishable(desired: FloatArray, actual: FloatArray, rate: float) -> f
     """
     check_pair(desired, actual)
     check_positive_rate(rate)
-    centres = CENTRES[rate / 2 >= CENTRES * _HALF_BAND]
+    centres = CENTRES[rate / 2 >= CENTRES * _EDGE_RATIO]
     first, second = (
         sum(_powers(component, centres, rate) for component in components(signal))
         for signal in (desired, actual)
     )
-    felt = np.maximum(first, second) >= detection_threshold(centres) ** 2
-    if not felt.any():
+    perceptible = np.maximum(first, second) >= detection_threshold(centres) ** 2
+    if not perceptible.any():
         return math.nan
     ratio = 10.0 ** (JUST_NOTICEABLE / 10.0)
     alike = (first <= ratio * second) & (second <= ratio * first)
-    return float(np.mean(alike[felt]))
+    return float(np.mean(alike[perceptible]))
 
 
 def _powers(signal: FloatArray, centres: FloatArray, rate: float) -> FloatArray:
@@ -812,7 +812,7 @@ def _powers(signal: FloatArray, centres: FloatArray, rate: float) -> FloatArray:
     pieces = np.lib.stride_tricks.sliding_window_view(signal, length)[:: length // 2]
     lines = np.abs(np.fft.rfft(pieces * window)) ** 2 * (2.0 / (length * np.sum(window**2)))
     frequency = np.fft.rfftfreq(length, 1.0 / rate)[:, np.newaxis]
-    within = (frequency >= centres / _HALF_BAND) & (frequency < centres * _HALF_BAND)
+    within = (frequency >= centres / _EDGE_RATIO) & (frequency < centres * _EDGE_RATIO)
     return np.asarray(lines @ within)
 
 

@@ -141,7 +141,7 @@ class Identification:
     @property
     def doubts(self) -> list[str]:
         """Warnings about the fits of the grips, one line each; empty if there are none."""
-        return [f"{name}: {doubt}" for name, grip in self.grips.items() for doubt in grip.doubts]
+        return [f"{name}: {line}" for name, grip in self.grips.items() for line in grip.doubts]
 
 
 def identify_handle(
@@ -403,11 +403,11 @@ def _chosen(rigid: HandleFit, moving: HandleFit) -> tuple[HandleFit, tuple[str, 
         for name, error in rigid.standard_errors.items()
         for other in (moving.standard_errors[name],)
     }
-    doubt = (
+    warning = (
         f"mount_frequency = {moving.mount.frequency:.0f} Hz: a mode of the accelerometer's mount"
         " is neither shown nor excluded; use a larger end_frequency or amplitude"
     )
-    return replace(rigid, standard_errors=extended), (doubt,)
+    return replace(rigid, standard_errors=extended), (warning,)
 
 
 def _pooled(grips: Sequence[GripIdentification], fit: Fit, free: Sequence[str]) -> HandleFit:

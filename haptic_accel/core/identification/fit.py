@@ -165,9 +165,9 @@ class Coordinates:
 
     def values(self, point: Point) -> FloatArray:
         """Return the search variables of a point, shape (n,)."""
-        given = ((name, point.value(name)) for name in self.free)
+        pairs = ((name, point.value(name)) for name in self.free)
         return np.array(
-            [value / _UNITS[name] if name in _UNITS else math.log(value) for name, value in given]
+            [value / _UNITS[name] if name in _UNITS else math.log(value) for name, value in pairs]
         )
 
     def point(self, values: FloatArray) -> Point:
@@ -501,8 +501,8 @@ def check_free(free: Sequence[str]) -> None:
         if name not in names:
             raise ParameterError(f"free = {name!r}: must be among {', '.join(names)}")
     if not set(free) - {"friction"}:
-        given = ", ".join(free) or "()"
-        raise ParameterError(f"free = {given}: must hold at least one parameter besides friction")
+        listed = ", ".join(free) or "()"
+        raise ParameterError(f"free = {listed}: must hold at least one parameter besides friction")
     if len(set(free)) < len(free):
         raise ParameterError(f"free = {', '.join(free)}: must hold each parameter once")
     if set(HANDLE) <= set(free):

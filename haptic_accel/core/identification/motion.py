@@ -80,12 +80,12 @@ def fit_motion(
     HandleFit
         Fit with `FRICTION` among the fitted parameters.
     """
-    begun = start.replaced({"friction": _FRICTION_START})
-    coordinates = Coordinates(begun, (*start.standard_errors, *FRICTION))
+    initial = start.replaced({"friction": _FRICTION_START})
+    coordinates = Coordinates(initial, (*start.standard_errors, *FRICTION))
     coarse, fine = (_Problem(trials, sweep, coordinates, step) for step in STEPS)
-    begins = [begun]
+    begins = [initial]
     if {"b_s", "b_u"} <= set(coordinates.free):
-        begins.append(begun.exchanged())
+        begins.append(initial.exchanged())
     minima = [coarse.minimum(coordinates.values(each)) for each in begins]
     lowest = min(minima, key=coarse.cost)
     most = coarse.cost(lowest) + INTERVAL**2 * coarse.inflation(lowest)
@@ -139,14 +139,14 @@ def simulated(
     rub, states = rub[..., None], rub.shape[1]
     # State and force at the start of each step, and the fraction of the friction during it.
     count = len(force) * steps
-    begun = np.zeros((count + 1, len(points), states + 1, 1))
-    begun[:-1, :, states, 0] = np.repeat(force, steps)[:, None]
+    starts = np.zeros((count + 1, len(points), states + 1, 1))
+    starts[:-1, :, states, 0] = np.repeat(force, steps)[:, None]
     shares = np.zeros((count, len(points), 1, 1))
-    for now, after, share in zip(begun[:-1], begun[1:, :, :states], shares, strict=True):
+    for now, after, share in zip(starts[:-1], starts[1:, :, :states], shares, strict=True):
         free = over @ now
         np.minimum(np.maximum(free[:, states:], -1.0), 1.0, out=share)
         np.add(free[:, :states], rub * share, out=after)
-    known = np.concatenate([begun[:-1], shares], axis=2)[..., 0]
+    known = np.concatenate([starts[:-1], shares], axis=2)[..., 0]
     known = known.reshape(len(force), steps, *known.shape[1:])
     return np.array([_seen(point, known[:, :, at], rate) for at, point in enumerate(points)])
 

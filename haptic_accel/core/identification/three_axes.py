@@ -50,9 +50,9 @@ class ThreeAxisIdentification:
     def doubts(self) -> list[str]:
         """Warnings about the fits, one line each; empty if there are none."""
         doubts = [
-            f"axis {name}: {doubt}"
+            f"axis {name}: {warning}"
             for name, fit in self.fits.items()
-            for doubt in evaluation.fit_doubts(fit)
+            for warning in evaluation.fit_doubts(fit)
         ]
         return [*self.undecided, *doubts]
 
@@ -105,7 +105,7 @@ def identify_three_axes(
             alone, [response.own(coil)], sweep, fit, free, stage
         )
         evaluation.check_determined(f"axis {name}", fits[name])
-        undecided += [f"axis {name}: {doubt}" for doubt in doubts]
+        undecided += [f"axis {name}: {warning}" for warning in doubts]
     tell(LAST_STAGE)
     own = [
         _as_recorded(found, force, sweep, response)
@@ -165,9 +165,9 @@ def _alone(
             for values in (trial.actuator_force, trial.handle_acceleration)
         )
         spectra = np.fft.rfft(forces, axis=2)
-        caused = np.zeros(spectra.shape[:3], dtype=np.complex128)
-        caused[:, :, found.lines] = np.einsum("fc,rpfc->rpf", others, spectra[:, :, found.lines])
-        alone = accelerations[..., axis] - np.fft.irfft(caused, forces.shape[2], axis=2)
+        coupled = np.zeros(spectra.shape[:3], dtype=np.complex128)
+        coupled[:, :, found.lines] = np.einsum("fc,rpfc->rpf", others, spectra[:, :, found.lines])
+        alone = accelerations[..., axis] - np.fft.irfft(coupled, forces.shape[2], axis=2)
         signals = zip(sweeps.SIGNS[:, axis], forces[..., axis], alone, strict=True)
         for sign, *pair in signals:
             force, moved = (sign * np.concatenate([each[0], *each]) for each in pair)

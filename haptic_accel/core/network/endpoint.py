@@ -230,7 +230,7 @@ LARGEST_JUMP = 3.0
 """Maximum jump of the sequence number, as a time since the last packet, s. No process or network
 delays packets that long. A larger number would make all later packets appear old."""
 
-ANEW = 1.0
+RENEW_AFTER = 1.0
 """Time without an accepted packet, while packets arrive, after which a new session starts, s;
 longer than `LIFETIME`."""
 
@@ -259,7 +259,7 @@ class Session:
 
     A restarted peer has a new session, which is accepted after the former was silent for
     `LIFETIME`. A replaced session is never accepted again. If packets arrive but none is accepted
-    for `ANEW`, a new local session begins, as after a restart.
+    for `RENEW_AFTER`, a new local session begins, as after a restart.
 
     Parameters
     ----------
@@ -404,7 +404,7 @@ class Session:
         if not now - self._vain[1] < LIFETIME:
             self._vain = now, now
         self._vain = self._vain[0], now
-        if now - self._vain[0] > ANEW:
+        if now - self._vain[0] > RENEW_AFTER:
             self.renew()
 
 
@@ -663,11 +663,11 @@ class Endpoint:
         self._sent[self._sequence % REMEMBERED] = self._sequence, system, now - age
         own, peer = self.session.pair
         # Energy counts per pair of sessions, so none is sent before the peer is known.
-        given = shipped if self._answered[0] == peer else 0.0
+        energy = shipped if self._answered[0] == peer else 0.0
         first = self._next_sample - len(self._samples) // len(self._axes.names)
         return Packet(
             *(self._side, own, self._sequence, system, *self._answered, *state, *motion),
-            *(given, self._rate, first, tuple(self._samples), self._axes),
+            *(energy, self._rate, first, tuple(self._samples), self._axes),
         ).pack()
 
     def incoming(self, data: bytes, now: float, system: int) -> Packet | None:

@@ -128,7 +128,7 @@ class Playout:
         self._target, self._aimed = -math.inf, 0.0
         self._position: int | None = None  # in samples / STEPS
         self._step = 0
-        self._taken = 0.0
+        self._played_at = 0.0
         self._concealments = [LossConcealment() for _ in self._rest]
         self._gap = 0
 
@@ -137,7 +137,7 @@ class Playout:
         """Delay of the playout above the minimum in `ARRIVAL_WINDOW`, s; 0 while waiting."""
         if self._position is None:
             return 0.0
-        return self._age(self._position / STEPS, self._taken) - self._sorted[0]
+        return self._age(self._position / STEPS, self._played_at) - self._sorted[0]
 
     @property
     def target(self) -> float:
@@ -198,7 +198,7 @@ class Playout:
         now : float
             Time of the tick on the receiver's clock, s.
         """
-        self._taken = now
+        self._played_at = now
         value, kind = self._next(now) if self._sorted else _Held(self._rest, WAITING)
         self.counts[kind] += 1
         return Played(self._axes.vector(value), kind)

@@ -254,7 +254,7 @@ class VirtualTool:
 
     def _contact(self) -> Contact | None:
         """Return the contact of the previous period."""
-        touched = [touch for touch in self._near if touch.begun]
+        touched = [touch for touch in self._near if touch.was_touched]
         if not touched:
             return None
         touch = max(
@@ -298,7 +298,7 @@ class Touch:
     normal : tuple of float
     depth : float
         Compression of the spring, m.
-    begun : bool
+    was_touched : bool
         True if the object was touched since the plane was set.
     impact_speed : float
         Impact speed of a first contact since then, m/s, or 0.
@@ -317,10 +317,10 @@ class Touch:
         self.normal = ZERO
         self.impulse = ZERO
         self.impact_speed = 0.0
-        self.begun = False
+        self.was_touched = False
         self._spring = 0.0  # impulse of the spring in the last step, N s
         self._rest = ZERO  # impulse of damper and bristle
-        self._spring_given = self._rest_given = 0.0
+        self._spring_work = self._rest_work = 0.0
         self.end()
 
     def end(self) -> None:
@@ -365,7 +365,7 @@ class Touch:
             Energy gained by the spring; negative for a loss.
         """
         self.normal = n_x, n_y, n_z = plane.normal
-        self.impulse, self.impact_speed, self.begun = ZERO, 0.0, self._pressed
+        self.impulse, self.impact_speed, self.was_touched = ZERO, 0.0, self._pressed
         b_x, b_y, b_z = self.bristle
         outwards = along(self.normal, self.bristle)
         self.bristle = (b_x - outwards * n_x, b_y - outwards * n_y, b_z - outwards * n_z)
@@ -378,8 +378,8 @@ class Touch:
             depth = permitted
             won = self._stiffness / 2 * (depth * depth - before * before)
         self.depth = depth
-        self._spring_given = -self._spring_energy()
-        self._rest_given = -self.energy() - self._spring_given
+        self._spring_work = -self._spring_energy()
+        self._rest_work = -self.energy() - self._spring_work
         return won
 
     def settle(self, point: Vector) -> float:
@@ -393,7 +393,7 @@ class Touch:
         if self.depth <= 0:
             self.end()
         spring = self._spring_energy()
-        return self._spring_given + spring + max(0.0, self._rest_given + self.energy() - spring)
+        return self._spring_work + spring + max(0.0, self._rest_work + self.energy() - spring)
 
     def _spring_energy(self) -> float:
         return self._stiffness / 2 * self.depth**2
@@ -421,7 +421,7 @@ class Touch:
             return velocity
         away = n_x * v_x + n_y * v_y + n_z * v_z
         if not self._pressed:
-            self._pressed = self.begun = True
+            self._pressed = self.was_touched = True
             self.impact_speed = max(self.impact_speed, -along(self.normal, came))
         per_mass = step / mass
         came_away = along(self.normal, came)
@@ -498,9 +498,9 @@ class Touch:
         if self._pressed:
             x, y, z = before[0] + after[0], before[1] + after[1], before[2] + after[2]
             n_x, n_y, n_z = self.normal
-            self._spring_given += self._spring / 2 * (n_x * x + n_y * y + n_z * z)
+            self._spring_work += self._spring / 2 * (n_x * x + n_y * y + n_z * z)
             g_x, g_y, g_z = self._rest
-            self._rest_given += (g_x * x + g_y * y + g_z * z) / 2
+            self._rest_work += (g_x * x + g_y * y + g_z * z) / 2
 
 
 def along(direction: Vector, vector: Vector) -> float:

@@ -16,7 +16,6 @@ from haptic_accel.core.axes import ALL_AXES, along_actuator
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.network.channel import Channel, ChannelParameters
 from haptic_accel.core.network.endpoint import (
-    ANEW,
     DUPLICATE_WINDOW,
     LARGEST_JUMP,
     LIFETIME,
@@ -24,6 +23,7 @@ from haptic_accel.core.network.endpoint import (
     PACKET_PERIOD,
     PROBLEM_TIME,
     REFUSED,
+    RENEW_AFTER,
     UNHEARD,
     Admission,
     ClockOffset,
@@ -467,7 +467,7 @@ def test_a_peer_that_is_heard_in_vain_is_met_in_a_new_session(session: Session) 
     while session.own == OWN:
         now, number = now + 1e-3, number + 1
         assert session.admits(packet(number), now) is Admission.REFUSED
-    assert now == pytest.approx(1.0 + ANEW, abs=0.01)
+    assert now == pytest.approx(1.0 + RENEW_AFTER, abs=0.01)
     assert session.admits(packet(number + 1), now) is HANDSHAKE
     fresh = packet(number + 2, answers=session.own)
     assert session.admits(fresh, now) is NEWEST
@@ -482,7 +482,7 @@ def test_a_number_ahead_within_reason_holds_a_slow_peer_up_no_longer_either(
     now, number = 1.02, 2
     while session.admits(packet(number, answers=session.own), now) is not NEWEST:
         now, number = now + 0.02, number + 1
-    assert now < 1.1 + ANEW
+    assert now < 1.1 + RENEW_AFTER
 
 
 def test_a_peer_that_was_followed_returns_in_a_new_session_after_the_other_has_gone(
@@ -497,8 +497,8 @@ def test_a_peer_that_was_followed_returns_in_a_new_session_after_the_other_has_g
 
 def test_packets_again_after_a_long_silence_do_not_end_the_session(session: Session) -> None:
     session.admits(packet(1), 1.0)
-    assert session.admits(packet(1), 1.0 + 2 * ANEW) is Admission.REFUSED
-    assert session.admits(packet(2), 2.0 + 2 * ANEW) is NEWEST
+    assert session.admits(packet(1), 1.0 + 2 * RENEW_AFTER) is Admission.REFUSED
+    assert session.admits(packet(2), 2.0 + 2 * RENEW_AFTER) is NEWEST
     assert session.own == OWN
 
 
@@ -553,7 +553,7 @@ def test_whatever_numbers_came_a_peer_that_goes_on_is_admitted_in_the_end(
     for number, pause in hostile:
         session.admits(packet(number), now := now + pause)
     # From here the peer answers whatever session it hears of, as an endpoint does.
-    for tick in range(round(1000 * (ANEW + 2 * LARGEST_JUMP))):
+    for tick in range(round(1000 * (RENEW_AFTER + 2 * LARGEST_JUMP))):
         now += 1e-3
         if session.admits(packet(tick, answers=session.own), now) is NEWEST:
             break

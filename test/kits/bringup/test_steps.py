@@ -72,7 +72,7 @@ def test_only_s_skips_the_measurement_of_the_current_and_the_file_says_so(rig: P
 VERB = """
 import json, sys
 from pathlib import Path
-from haptic_accel.core.process import FULL_SCALE, PROGRESS, UNUSABLE, tell_supervisor
+from haptic_accel.core.process import FULL_SCALE, PROGRESS, UNUSABLE, notify_supervisor
 
 verb, *words = sys.argv[1:]
 calls = Path("calls.json")
@@ -81,12 +81,12 @@ calls.write_text(json.dumps([*called, [verb, *words]]))
 number = sum(each[0] == verb for each in called)
 print("words in any language")
 if verb == "identify":
-    tell_supervisor(PROGRESS, text="trial 1")
+    notify_supervisor(PROGRESS, text="trial 1")
     if number == 0:
-        tell_supervisor(UNUSABLE, reason="no coherence")
+        notify_supervisor(UNUSABLE, reason="no coherence")
         sys.exit("no coherence; next: a command")
     if number == 1:
-        tell_supervisor(FULL_SCALE, value=2.0)
+        notify_supervisor(FULL_SCALE, value=2.0)
 else:
     late = 50 if number == 0 else 0
     counts = {"actuator force": {"due": 1000, "missed": late}}

@@ -16,9 +16,9 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.network.endpoint import (
-    ANEW,
     LIFETIME,
     MOST_SAMPLES,
+    RENEW_AFTER,
     Endpoint,
     Motion,
     State,
@@ -30,7 +30,7 @@ RATE = 1000.0
 TICK = 0.01
 """Time between packets here, s: ten times the real one, so that more happens in a case."""
 
-MEETING = ANEW + LIFETIME + 1.0
+MEETING = RENEW_AFTER + LIFETIME + 1.0
 """Time in which both ends must have found each other once nobody interferes, s."""
 
 KEY, WRONG = b"k" * KEY_LENGTH, b"w" * KEY_LENGTH

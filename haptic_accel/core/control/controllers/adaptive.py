@@ -336,8 +336,8 @@ class Learner:
         spectra = self._equations.spectra(self._driven(), self._unexpected, model)
         yield False
         sequences = np.fft.irfft(spectra)[:, : self._taps]
-        given = self._family.taps(grip)
-        taps = given + self.correction
+        family_taps = self._family.taps(grip)
+        taps = family_taps + self.correction
         yield False
         columns = sequences[0] + self._travel_costs * sequences[1]
         columns[:, 0] *= 1.0 + design.RIDGE
@@ -349,7 +349,7 @@ class Learner:
             yield False
             if steps == STEPS:
                 break
-        self.correction = taps - given
+        self.correction = taps - family_taps
         self.estimates += 1
         yield True
 
@@ -375,11 +375,11 @@ class Learner:
         unexplained = (1.0 - coherence + UNRESOLVED / independent) / independent
         variance = np.abs(response) ** 2 * unexplained / np.maximum(coherence, 1e-6)
         squared = np.abs(response - 1.0) ** 2
-        doubt = CAUTION * variance + NEGLIGIBLE**2
+        uncertainty = CAUTION * variance + NEGLIGIBLE**2
         excitation = np.maximum(self._ratio.excitation[1:], response_estimation.TINY)
         moved = MOTION / excitation / independent
         shown = np.maximum(0.0, 1.0 - CAUTION * moved / np.maximum(squared, NEGLIGIBLE**2))
-        accepted = self._above[self._every] * shown * squared / (squared + doubt)
+        accepted = self._above[self._every] * shown * squared / (squared + uncertainty)
         return np.asarray(1.0 + accepted * (response - 1.0))
 
 
@@ -442,4 +442,4 @@ def design_family(
     handle = plant.handle
     own = np.array([handle.m_h, handle.b_u, handle.k_u, 1.0]) @ basis
     sections = design.extension(goal.high_pass_frequency, rate)
-    return InverseFamily(sections, basis, design.caused_motion(plant, rate, own))
+    return InverseFamily(sections, basis, design.tap_responses(plant, rate, own))

@@ -56,12 +56,12 @@ class ForeignController(Controller):
         """Return the controller's force, or the fading last force after a failure."""
         self._samples += 1
         call = self._controller.force
-        given = self._call(call, desired_acceleration, measured_acceleration)
-        if isinstance(given, Real) and math.isfinite(given):
-            self._last, self._left = float(given), self._fading
+        result = self._call(call, desired_acceleration, measured_acceleration)
+        if isinstance(result, Real) and math.isfinite(result):
+            self._last, self._left = float(result), self._fading
             return self._last
         if not self.failure:
-            kind = given if isinstance(given, float) else type(given).__name__
+            kind = result if isinstance(result, float) else type(result).__name__
             self._fail(NO_FORCE.format(kind))
         self._left = max(0, self._left - 1)
         return self._last * self._left / self._fading
@@ -108,14 +108,14 @@ class ForeignController(Controller):
         """Description of a present fault; `failure` describes a failure."""
         return self._call(lambda: str(self._controller.warning)) or ""
 
-    def _call(self, act: Callable[..., Any], *given: Any) -> Any:
+    def _call(self, act: Callable[..., Any], *arguments: Any) -> Any:
         """Call a part of the controller; return None once it has failed."""
         if self.failure:
             return None
         started, result = self._clock(), None
         try:
             with guard():
-                result = act(*given)
+                result = act(*arguments)
         except OutsideError as error:
             self._fail(f"raised {error}")
         self._spent += self._clock() - started

@@ -252,7 +252,7 @@ def design_bank(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> Inverse
     problem = _Problem(plant, rate, goal)
     taps = problem.solutions(TRAVEL_CORNERS)[:, 0]
     return InverseBank(
-        extension(goal.high_pass_frequency, rate), taps, caused_motion(plant, rate, taps)
+        extension(goal.high_pass_frequency, rate), taps, tap_responses(plant, rate, taps)
     )
 
 
@@ -283,7 +283,7 @@ def _inputs(frequency: FloatArray, rate: float, goal: Goal) -> tuple[FloatArray,
     return goal.spectrum(frequency) * squared, UNEXPECTED_DENSITY**2 * squared
 
 
-def caused_motion(plant: Plant, rate: float, taps: FloatArray) -> FloatArray:
+def tap_responses(plant: Plant, rate: float, taps: FloatArray) -> FloatArray:
     """Return the handle's acceleration after a unit sample at the input of taps.
 
     Parameters
