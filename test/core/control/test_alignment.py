@@ -69,7 +69,7 @@ def test_a_turned_sensor_is_named_within_a_second(
     expected = textures()
     warnings = judged(expected, expected @ turned(degrees, axis).T)
     assert warnings[1000].endswith(f"degrees, mostly about {name}: run calibrate")
-    angle = float(warnings[1000].split("turned by ")[1].split()[0])
+    angle = float(warnings[1000].split("rotated by ")[1].split()[0])
     assert angle == pytest.approx(degrees, abs=3.0)
 
 
