@@ -138,9 +138,9 @@ class MovingTool:
         self._axes = slice(
             self._model.body(_TOOL).dofadr[0], self._model.body(_TOOL).dofadr[0] + 3
         )
-        self.put_back()
+        self.return_to_start()
 
-    def put_back(self) -> None:
+    def return_to_start(self) -> None:
         """Restart the scene."""
         self._mujoco.mj_resetData(self._model, self._data)
         self._mujoco.mj_forward(self._model, self._data)

@@ -113,7 +113,7 @@ def test_what_is_pushed_moves_and_is_put_back(path: Path) -> None:
             assert contact.normal[0] == pytest.approx(-1.0)
             assert contact.speed < 0.02  # it goes along with the tool
     assert moved[-1] - moved[0] > 0.01
-    tool.put_back()
+    tool.return_to_start()
     assert tool.position[0] == pytest.approx(0.0)
 
 

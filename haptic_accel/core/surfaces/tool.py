@@ -94,9 +94,9 @@ class VirtualTool:
         self._near: list[Touch] = []
         self.scene = scene
         self._check_start(scene)
-        self.put_back()
+        self.return_to_start()
 
-    def put_back(self) -> None:
+    def return_to_start(self) -> None:
         """Set the tool to rest at its initial position."""
         self.position: Vector = self._start(self.scene)
         self.velocity: Vector = ZERO

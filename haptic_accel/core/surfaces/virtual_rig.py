@@ -139,7 +139,7 @@ class VirtualArm(SimulatedArm):
             for _ in range(min(passed, self._most)):
                 self._sample()
             if self.let_go(passed / self._rate):
-                self.tool.put_back()
+                self.tool.return_to_start()
 
     def observe(self) -> None:
         """Sample the encoders and the acceleration."""

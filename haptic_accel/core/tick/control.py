@@ -291,7 +291,7 @@ class TravelPredictor:
         spectrum = np.fft.rfft(held, size) * self.spectrum
         travels = np.ascontiguousarray(np.fft.irfft(spectrum, size)[:, :total].T)
         self.members: int = count
-        self.caused: FloatMatrix = travels.reshape(1, -1)
+        self.responses: FloatMatrix = travels.reshape(1, -1)
         self.products: FloatArray = np.empty(travels.size)
         lasting = np.cumsum(travels[: self.horizon - 1], axis=0)
         lasting[self.lasting :] -= lasting[: -self.lasting].copy()
@@ -324,7 +324,7 @@ class TravelPredictor:
             self.ahead[:left] = self.ahead[self.start :].copy()
             self.ahead[left:] = 0.0
             self.start = 0
-        add_scaled(self.caused, 0, value, self.ahead, self.start, self.products)
+        add_scaled(self.responses, 0, value, self.ahead, self.start, self.products)
         # The input is expected to last only if it persists.
         self.latest.append(value)
         self.latest.pop(0)
@@ -711,10 +711,10 @@ class FeedbackForce(Force):
 
     def applied(self, actuator_force: float) -> None:
         """Pass the force finally sent, minus friction compensation, to the model."""
-        taken = 0.0
+        friction = 0.0
         if self.inverse is not None:
-            taken = self.inverse.friction_force
-        self.surplus = actuator_force - taken - self.known
+            friction = self.inverse.friction_force
+        self.surplus = actuator_force - friction - self.known
 
     def reset(self) -> None:
         """Reset all filters, and assume valid handle samples."""
@@ -982,7 +982,7 @@ class CoilChannel:
             self.share = min(1.0, self.share + 1.0 / self.fading)
         if self.share < 1.0:
             self.withheld += 1
-        self.guard.asked = self.share * force
+        self.guard.requested = self.share * force
 
     def crossfaded(self, force: float, measured: float) -> float:
         """Return the force during a crossfade to the follower, which is active afterwards.
@@ -1136,8 +1136,8 @@ class HandleCompensation:
         limited: bool = False
         for channel in self.coils:
             guard = channel.guard
-            guard.allowed = guard.within(guard.asked, channel.handle)
-            if guard.allowed != guard.asked:
+            guard.allowed = guard.within(guard.requested, channel.handle)
+            if guard.allowed != guard.requested:
                 limited = True
         if limited:
             self.limit()
@@ -1187,15 +1187,15 @@ class HandleCompensation:
         self.equal = self.equal + 1 if known and pushed and h_z == z.handle else 0
         trusted: bool = known and is_within(h_x, h_y, h_z, self.handle_range)
         trusted = trusted and self.equal < self.patience
-        doubt = UNKNOWN
+        replacement = UNKNOWN
         if trusted:
             z.handle = h_z
         else:
             self.untrusted += 1
             if known and self.equal == 0 and is_within(h_x, h_y, h_z, LARGEST_ACCELERATION):
-                doubt = INFINITE
+                replacement = INFINITE
         if self.single:
-            z.measured = h_z if trusted else doubt
+            z.measured = h_z if trusted else replacement
             return
         x: CoilChannel = self.coils[0]
         y: CoilChannel = self.coils[1]
@@ -1208,7 +1208,7 @@ class HandleCompensation:
                 seen.fill(h_x, h_y, h_z)
         # If the handle's acceleration is unknown, the last known one is used.
         seen.process(x.handle, y.handle, z.handle)
-        x.measured, y.measured, z.measured = doubt, doubt, doubt
+        x.measured, y.measured, z.measured = replacement, replacement, replacement
         if trusted:
             x.measured, y.measured, z.measured = seen.x, seen.y, seen.z
 
@@ -1234,19 +1234,19 @@ class HandleCompensation:
         self.desired_z = gain * z.process(t_z - self.tool_z)
         others: float = 1.0 - self.switch.alone
         if others != 1.0:
-            self.coils[0].guard.asked *= others
-            self.coils[1].guard.asked *= others
+            self.coils[0].guard.requested *= others
+            self.coils[1].guard.requested *= others
 
     def limit(self) -> None:
         """Record that a limit acts, and keep the direction of the force of several coils."""
         channel: CoilChannel
-        asked = allowed = 0.0
+        requested = allowed = 0.0
         for channel in self.coils:
             channel.trace.limited = channel.trace.count
-            asked = max(asked, math.fabs(channel.guard.asked))
+            requested = max(requested, math.fabs(channel.guard.requested))
             allowed = max(allowed, math.fabs(channel.guard.allowed))
-        if asked != 0.0:  # otherwise a moving coil is braked
-            self.authority.left_over = min(self.authority.left_over, allowed / asked)
+        if requested != 0.0:  # otherwise a moving coil is braked
+            self.authority.left_over = min(self.authority.left_over, allowed / requested)
         if not self.single:
             scale_within([each.guard for each in self.coils])
             for channel in self.coils:

@@ -72,7 +72,7 @@ class CountObserver:
     """
 
     def __init__(self, rate: float) -> None:
-        self._half: float = 0.5 / rate
+        self._half_period: float = 0.5 / rate
         self._left: float = 1.0 - 1.0 / (1.0 + CORRECTION_TIME * rate)
         self._kept: float = 1.0 - 1.0 / (1.0 + STEP_MEMORY * rate)
         self._is_known = False
@@ -89,12 +89,12 @@ class CountObserver:
 
     def observe(self, sample: ArmSample) -> None:
         """Update the estimate with the next sample."""
-        half, kept = self._half, self._kept
+        half_period, kept = self._half_period, self._kept
         x, y, z = sample.x, sample.y, sample.z
         v_x, v_y, v_z = sample.v_x, sample.v_y, sample.v_z
-        step_x = x - self._p_x - (v_x + self._v_x) * half
-        step_y = y - self._p_y - (v_y + self._v_y) * half
-        step_z = z - self._p_z - (v_z + self._v_z) * half
+        step_x = x - self._p_x - (v_x + self._v_x) * half_period
+        step_y = y - self._p_y - (v_y + self._v_y) * half_period
+        step_z = z - self._p_z - (v_z + self._v_z) * half_period
         self._p_x, self._p_y, self._p_z = x, y, z
         self._v_x, self._v_y, self._v_z = v_x, v_y, v_z
         if not self._is_known:

@@ -121,7 +121,7 @@ class DueForces:
         self.last: int = NO_TICK
         self.carried_out: int = NO_TICK
         self.newest: int = NO_TICK
-        self.taken: list[int] = []
+        self.unrecorded: list[int] = []
         self.due = self.missed = self.past_tick = 0
         self.longest = self.late_time = self.late_until = 0.0
         self.is_outdated = self.is_clocked = False
@@ -141,7 +141,7 @@ class DueForces:
             self.newest = sample
         # A much older force was not overtaken: the safety layer rejects and reports it.
         if due <= self.last <= due + STRAGGLING:
-            self.taken.append(due)
+            self.unrecorded.append(due)
             return
         spare, waiting = self.spare, self.waiting
         force: TimedForce = spare.pop() if spare else TimedForce()
@@ -182,7 +182,7 @@ class DueForces:
             # Of two forces for the same tick, the last one is taken.
             if due != self.last:
                 self.last = due
-                self.taken.append(due)
+                self.unrecorded.append(due)
             self.stamp, self.x, self.y, self.z = force.stamp, force.x, force.y, force.z
             found = True
         return found
@@ -195,11 +195,11 @@ class DueForces:
         """
         if is_written:
             self.age.add(now - self.stamp * NANOSECOND)
-        taken = self.taken
-        if len(taken) > 1:
-            taken.sort()
-        while taken:
-            number: int = taken.pop(0)
+        unrecorded = self.unrecorded
+        if len(unrecorded) > 1:
+            unrecorded.sort()
+        while unrecorded:
+            number: int = unrecorded.pop(0)
             time = number * self.period
             lateness = now - time
             if lateness > self.longest and self.latency:
@@ -222,7 +222,7 @@ class DueForces:
         self.waiting.clear()
         self.is_outdated = False
 
-    def count_anew(self, late: int = 0) -> None:
+    def reset_counts(self, late: int = 0) -> None:
         """Reset the counts; the device has applied `late` forces late so far."""
         self.due = self.missed = self.past_tick = 0
         self.longest = self.late_time = 0.0
@@ -432,7 +432,7 @@ class DeviceSide:
         if forces.newest == NO_TICK and is_arm:
             # The arms engage: late forces during start-up are not counted.
             for each in self.forces.values():
-                each.count_anew(self.device.late)
+                each.reset_counts(self.device.late)
         sample: int = math.floor(stamp * self.rate * NANOSECOND + 0.5)
         now: float = self.time if self.clock is None else self.clock()
         if not -OLDEST <= now - stamp * NANOSECOND <= OLDEST:
@@ -464,13 +464,13 @@ class DeviceSide:
     def watch(self) -> None:
         """End forces whose commands have stopped; call once per tick after `apply`."""
         time = self.time
-        begun: float = time if self.clock is None else self.clock()
+        started: float = time if self.clock is None else self.clock()
         # For the safety layer, whose time must never decrease.
-        earlier, now = time if time < begun else begun, self.now
+        earlier, now = time if time < started else started, self.now
         if earlier > now:
             self.now = now = earlier
         if self.arm_limit.expires(now):
-            self.write(time, begun, True, False)
+            self.write(time, started, True, False)
         coils, sample = self.actuator_limit, self.newest
         if coils is not None:
             if sample is None:
@@ -478,7 +478,7 @@ class DeviceSide:
             else:
                 changes = coils.tick(now, self.is_measured, sample.a_x, sample.a_y, sample.a_z)
             if changes:
-                self.write(time, begun, False, True)
+                self.write(time, started, False, True)
         self.is_measured = False
 
     def take_off(self) -> None:
@@ -497,27 +497,27 @@ class DeviceSide:
 
     def write_due(self, time: float, tick: int, is_arm: bool, is_actuator: bool) -> None:
         """Write the newest forces due at a tick, limited by the safety layer."""
-        begun: float = self.time if self.clock is None else self.clock()
+        started: float = self.time if self.clock is None else self.clock()
         # For the safety layer, whose time must never decrease.
-        earlier, now = time if time < begun else begun, self.now
+        earlier, now = time if time < started else started, self.now
         if earlier > now:
             self.now = now = earlier
         arm = self.arm if is_arm else None
         actuator = self.actuator if is_actuator else None
         writes_arm = writes_actuator = False
         if arm is not None and arm.pop(tick, arm.ahead):
-            age = begun - arm.stamp * NANOSECOND
+            age = started - arm.stamp * NANOSECOND
             writes_arm = self.arm_limit.command(now, age, arm.x, arm.y, arm.z)
         if actuator is not None and actuator.pop(tick, actuator.ahead):
             coils = self.actuator_limit
             if coils is not None:
-                age = begun - actuator.stamp * NANOSECOND
+                age = started - actuator.stamp * NANOSECOND
                 writes_actuator = coils.command(now, age, actuator.x, actuator.y, actuator.z)
         if writes_arm or writes_actuator:
-            self.write(time, begun, writes_arm, writes_actuator)
+            self.write(time, started, writes_arm, writes_actuator)
         # Without a clock a force has no age.
         is_aged: bool = self.clock is not None
-        done: float = begun if self.clock is None else self.clock()
+        done: float = started if self.clock is None else self.clock()
         if arm is not None:
             arm.took_effect(done, writes_arm and is_aged)
         if actuator is not None:

@@ -158,7 +158,7 @@ class ActuatorGuard(TravelEstimator):
     ----------
     heat : float
         Mean square of the force over the coil's time constant, N^2.
-    asked, allowed : float
+    requested, allowed : float
         Force requested of this coil, and force allowed instead, N; with several coils see
         `scale_within`.
     saturated, heated, cushioned : int
@@ -196,7 +196,7 @@ class ActuatorGuard(TravelEstimator):
         self._fastest: float = 2.0 * rate
         self._ahead: float = look_ahead * max(1e-3, 1.0 / rate)
         self.heat = 0.0
-        self.asked = self.allowed = 0.0
+        self.requested = self.allowed = 0.0
         self.saturated = self.heated = self.cushioned = 0
 
     def within(self, force: float, handle_acceleration: float) -> float:
@@ -341,7 +341,7 @@ class Coil(ActuatorGuard):
 def scale_within(guards: list[ActuatorGuard]) -> None:
     """Scale the force on several coils as a whole to what their guards allow.
 
-    The requested force of each coil, `asked`, and the force that its guard allows, `allowed`,
+    The requested force of each coil, `requested`, and the force that its guard allows, `allowed`,
     result in the scaled force, which replaces `allowed`. A guard that requests a larger force, in
     order to brake, does not limit the others. If a guard requests the opposite direction, all
     forces are zero.
@@ -349,7 +349,7 @@ def scale_within(guards: list[ActuatorGuard]) -> None:
     share = 1.0
     last: ActuatorGuard | None = None
     for guard in guards:
-        part = guard.allowed / guard.asked if guard.asked != 0.0 else 1.0
+        part = guard.allowed / guard.requested if guard.requested != 0.0 else 1.0
         if part < share:
             share = part
             last = guard
@@ -357,4 +357,4 @@ def scale_within(guards: list[ActuatorGuard]) -> None:
         if share <= 0.0:
             guard.allowed = 0.0
         elif guard is not last:  # the last one has its guard's force, without rounding
-            guard.allowed = guard.asked if last is None else share * guard.asked
+            guard.allowed = guard.requested if last is None else share * guard.requested

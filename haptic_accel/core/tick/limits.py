@@ -103,7 +103,7 @@ class ForceLimit:
         self.contested: str = ""
         self.timeouts = self.outdated = self.rejected = self.slewed = 0
         # Faults that have been logged and reported.
-        self._logged = self._told = False
+        self._logged = self._contest_logged = False
         self._before: str = ""
         self._reported: dict[str, int] = {}
 
@@ -191,8 +191,8 @@ class ForceLimit:
         news = self._fault_news(now)
         # The senders' names become known later than their number.
         settled, self._before = self.contested == self._before, self.contested
-        if settled and bool(self.contested) != self._told:
-            self._told = bool(self.contested)
+        if settled and bool(self.contested) != self._contest_logged:
+            self._contest_logged = bool(self.contested)
             return self.contested or "allowed again: it has one sender"
         return "" if self.contested else news
 
@@ -344,7 +344,7 @@ class ActuatorLimit(ForceLimit):
         for coil in self.coils:
             force = self.x if coil.axis == 0 else self.y if coil.axis == 1 else self.z
             allowed = coil.within(force, coil.acceleration)
-            coil.asked = force
+            coil.requested = force
             coil.allowed = allowed
             if allowed != force:
                 is_free = False
@@ -353,7 +353,7 @@ class ActuatorLimit(ForceLimit):
         scale_within(self._guards)
         is_less = False
         for coil in self.coils:
-            if coil.allowed != coil.asked:
+            if coil.allowed != coil.requested:
                 is_less = True
             if coil.axis == 0:
                 self.x = coil.allowed

@@ -115,7 +115,7 @@ class CompensationPart:
             self.measured_across = True
         self.tools.append(tool)
 
-    def put_count_force(self, x: float, y: float, z: float) -> None:
+    def set_count_force(self, x: float, y: float, z: float) -> None:
         """Set the arm's force due to rounding, N, in the base frame, for the next forces."""
         each = self.compensation
         if self.orientation is not IDENTITY and self.orientation != IDENTITY:
@@ -356,15 +356,15 @@ class HostLoop:
             row[to + 3], row[to + 4], row[to + 5] = sample.x, sample.y, sample.z
             row[to + 6], row[to + 7], row[to + 8] = sample.v_x, sample.v_y, sample.v_z
         if self.commands:
-            caused: CoupledForces = self.commands[len(self.commands) - 1]
-            if caused.on_master:
-                row[at + 9], row[at + 10], row[at + 11] = caused.m_x, caused.m_y, caused.m_z
-            if caused.on_slave:
-                row[at + 21], row[at + 22], row[at + 23] = caused.s_x, caused.s_y, caused.s_z
+            coupled: CoupledForces = self.commands[len(self.commands) - 1]
+            if coupled.on_master:
+                row[at + 9], row[at + 10], row[at + 11] = coupled.m_x, coupled.m_y, coupled.m_z
+            if coupled.on_slave:
+                row[at + 21], row[at + 22], row[at + 23] = coupled.s_x, coupled.s_y, coupled.s_z
         if self.compensated:
-            felt: CompensatedSample = self.compensated[len(self.compensated) - 1]
-            row[at + 24], row[at + 25], row[at + 26] = felt.d_x, felt.d_y, felt.d_z
-            row[at + 27], row[at + 28], row[at + 29] = felt.f_x, felt.f_y, felt.f_z
+            result: CompensatedSample = self.compensated[len(self.compensated) - 1]
+            row[at + 24], row[at + 25], row[at + 26] = result.d_x, result.d_y, result.d_z
+            row[at + 27], row[at + 28], row[at + 29] = result.f_x, result.f_y, result.f_z
 
     def go_on(self) -> None:
         """Process samples and forces that arrived after their tick."""
@@ -439,7 +439,7 @@ class HostLoop:
                 self.command(self.slave, True, forces.s_stamp, forces.s_x, forces.s_y, forces.s_z)
         if compensation is None:
             return
-        compensation.put_count_force(coupling.count_x, coupling.count_y, coupling.count_z)
+        compensation.set_count_force(coupling.count_x, coupling.count_y, coupling.count_z)
         if played is not None:
             self.tools.append(played)
             if self.mutes_tool:

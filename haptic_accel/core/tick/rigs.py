@@ -27,7 +27,7 @@ NOISE_BLOCK: int = 4096
 LONGEST_ADVANCE: float = 0.1
 """Maximum time simulated in one call, s; the rig is paused for the rest of a longer stall."""
 
-PUT_BACK_AFTER: float = 0.2
+RETURN_AFTER: float = 0.2
 """Time without force and without commands after which an arm returns to its start, s. It is longer
 than the coupler needs to release both arms when one stops sending."""
 
@@ -119,7 +119,7 @@ class SimulatedArm:
     The arm is at rest until its first force: any force of its motors, even zero, or a non-zero
     force of the actuator. Until then all samples are equal, without noise. Later samples are thus
     independent of the waiting time. An arm whose motors receive a zero force and then no command
-    for `PUT_BACK_AFTER` returns to its start, so that all engagements begin there. A coupling with
+    for `RETURN_AFTER` returns to its start, so that all engagements begin there. A coupling with
     zero force repeats its commands, and thus prevents the return.
 
     Times are in s on the caller's clock, and begin with the first sample or force. Forces may be
@@ -225,7 +225,7 @@ class SimulatedArm:
         if self.silence == NEVER:
             return False
         self.silence += seconds
-        if self.free and self.silence > PUT_BACK_AFTER:
+        if self.free and self.silence > RETURN_AFTER:
             self.silence = NEVER
             return True
         return False
@@ -546,7 +546,7 @@ class HeldArm(SimulatedArm):
         self.now, self.exploring = 0, False
         self.since = 0  # step at which the hand began to explore
         self.hand_until = 0  # end of the hand's present acceleration
-        self.led = 0  # steps since then up to which the hand has moved
+        self.hand_steps = 0  # steps since then up to which the hand has moved
         self.hand: Hand = hand
         self.hand_motion: FloatArray = self.scaled
         self.hand_acceleration: FloatArray = self.scaled
@@ -577,7 +577,7 @@ class HeldArm(SimulatedArm):
         if self.delayed:
             self.act_delayed()
         if gone:
-            self.put_back()
+            self.return_to_start()
 
     def pull(self, x: float, y: float, z: float) -> None:
         """Set the force of the arm's motors, N, each axis limited to their maximum."""
@@ -619,7 +619,7 @@ class HeldArm(SimulatedArm):
             del self.delayed[0]
             self.act(first.x, first.y, first.z)
 
-    def put_back(self) -> None:
+    def return_to_start(self) -> None:
         """Set hand and handle to rest at their initial position."""
         self.exploring, self.hand_until = False, self.now
         self.place_hand(self.now)
@@ -641,8 +641,8 @@ class HeldArm(SimulatedArm):
     def place_hand(self, now: int) -> None:
         """Move the hand to its position at a step of the clock."""
         steps: int = now - self.since if self.exploring else 0
-        if steps != self.led:
-            self.led = steps
+        if steps != self.hand_steps:
+            self.hand_steps = steps
             self.hand.lead(steps * self.step)
 
     # Mechanics, by number of coils
@@ -746,7 +746,7 @@ class ThreeCoils(HeldArm):
         self.rub_products: FloatMatrix = np.empty((3, order.STATES))
         self.rub_row: FloatMatrix = np.empty((1, order.STATES))
         self.rub_sum: FloatArray = self.rub_row[0]
-        self.given: FloatArray = scalars(self.frictions)
+        self.friction_forces: FloatArray = scalars(self.frictions)
         inputs = self.joint[order.STATES :]
         self.hand_motion = scalars(self.joint[order.HAND_X : order.HAND_V_Z + 1])
         self.hand_acceleration = scalars(inputs[order.HAND_A_X : order.HAND_A_Z + 1])
@@ -823,18 +823,18 @@ class ThreeCoils(HeldArm):
         most = self.friction
         creep = self.creep * steps * self.step / most
         travels: list[float] = self.travels
-        given: FloatArray = self.given
-        given[0] = given[1] = given[2] = 0.0
+        forces: FloatArray = self.friction_forces
+        forces[0] = forces[1] = forces[2] = 0.0
         for _ in range(FRICTION_SWEEPS):
             for index in range(3):
                 coil: HandleCoil = self.coils[index]
                 moved = self.offsets[index] - coil.offset
                 at: int = 9 * (steps - 1) + 3 * index
-                left: float = moved - travels[at] * given[0] - travels[at + 1] * given[1]
-                left -= travels[at + 2] * given[2]
+                left: float = moved - travels[at] * forces[0] - travels[at + 1] * forces[1]
+                left -= travels[at + 2] * forces[2]
                 own: float = travels[at + index]
-                sticking = given[index] + (left - creep * given[index]) / (own + creep)
-                given[index] = min(most, max(-most, sticking))
+                sticking = forces[index] + (left - creep * forces[index]) / (own + creep)
+                forces[index] = min(most, max(-most, sticking))
         product(self.rubbed, 3 * (steps - 1), self.rub_factors, self.rub_products, self.rub_sum)
         add_scaled(self.rub_row, 0, -1.0, self.state, 0, self.scaled)
 
@@ -922,9 +922,9 @@ class Tip(SimulatedArm):
         self.clock_step: float = clock_step(rate)
         self.motor_x = self.motor_z = self.lift = self.x = self.z = self.v_x = self.v_z = 0.0
         self.low_x = self.low_y = self.low_z = 0.0
-        self.put_back()
+        self.return_to_start()
 
-    def put_back(self) -> None:
+    def return_to_start(self) -> None:
         """Set the tip to rest at its initial position, above the surface."""
         self.z = self.height
         self.lift = self.x = self.v_x = self.v_z = self.low_x = self.low_y = self.low_z = 0.0
@@ -939,7 +939,7 @@ class Tip(SimulatedArm):
             due = min(passed * self.clock_step, LONGEST_ADVANCE)
             self.move(due)
             if self.let_go(due):
-                self.put_back()
+                self.return_to_start()
 
     def pull(self, x: float, y: float, z: float) -> None:
         """Set the force of the arm's motors, N, each axis limited to their maximum."""

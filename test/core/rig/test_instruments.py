@@ -21,7 +21,7 @@ from haptic_accel.core.rig.slave_rig import SlaveRig, SurfaceParameters
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.tick import ArmSample, PositionPositionCoupling
 from haptic_accel.core.tick.rigs import (
-    PUT_BACK_AFTER,
+    RETURN_AFTER,
     Accelerometer,
     Quantizer,
     SimulatedArm,
@@ -226,9 +226,9 @@ def test_after_a_stop_the_tool_is_dragged_as_before(
 @pytest.mark.parametrize(
     ("force", "every", "held"),
     [
-        (0.0, 0.9 * PUT_BACK_AFTER, True),  # a coupling in balance repeats its commands
+        (0.0, 0.9 * RETURN_AFTER, True),  # a coupling in balance repeats its commands
         (0.5, 1e3, True),
-        (0.0, 1.1 * PUT_BACK_AFTER, False),
+        (0.0, 1.1 * RETURN_AFTER, False),
     ],
 )
 def test_an_arm_is_put_back_once_it_is_free_of_force_and_commands(

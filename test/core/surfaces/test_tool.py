@@ -271,7 +271,7 @@ def test_the_force_does_not_jump_as_the_scene_changes(height: float, stiffness: 
     assert after.impact_speed == 0.0
     assert after.force == pytest.approx(before.force, abs=0.02)
     assert tool.position == pytest.approx(place, abs=1e-5)
-    tool.put_back()
+    tool.return_to_start()
     assert tool.advance((0.0, 0.0, 0.0)) is None
 
 

@@ -19,7 +19,7 @@ from haptic_accel.core.surfaces.shapes import Plane
 from haptic_accel.core.surfaces.taps import Mode, TapModel
 from haptic_accel.core.surfaces.texture import TextureModel
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
-from haptic_accel.core.tick.rigs import PUT_BACK_AFTER
+from haptic_accel.core.tick.rigs import RETURN_AFTER
 
 RATE = 1000.0
 WHITE = TextureModel(
@@ -122,8 +122,8 @@ def test_a_tool_that_is_let_go_is_put_back() -> None:
     rig = touching(WHITE, TAP)
     run(rig, (1.0, 0.0, -1.0), 0.5)
     rig.release()
-    rig.advance(0.5 + PUT_BACK_AFTER / 2)
-    rig.advance(0.5 + 2 * PUT_BACK_AFTER)
+    rig.advance(0.5 + RETURN_AFTER / 2)
+    rig.advance(0.5 + 2 * RETURN_AFTER)
     assert rig.measure().position == (0.0, 0.0, pytest.approx(0.0005, abs=30e-6))
 
 

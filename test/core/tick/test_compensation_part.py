@@ -103,7 +103,7 @@ def test_a_turned_handle_gets_the_tools_vibration_in_its_own_axes() -> None:
         ArmSample(3 * PERIOD, acceleration=along_actuator(3.0))
     )  # of a sensor with one axis
     found += [caused.desired_acceleration for caused in forces(part, 3 * PERIOD + LATE)]
-    part.put_count_force(1.0, 2.0, 3.0)
+    part.set_count_force(1.0, 2.0, 3.0)
     each = part.compensation
     assert (each.count_x, each.count_y, each.count_z) == found[1]
     assert found[0] == (1.0, 2.0, 3.0)

@@ -125,7 +125,7 @@ def test_pauses_add_up_and_the_longest_is_known() -> None:
     assert forces.missed == 3
     assert forces.longest == pytest.approx(2e-3)
     assert forces.late_time == pytest.approx(2e-3 + 0.5e-3)
-    forces.count_anew()
+    forces.reset_counts()
     assert (forces.due, forces.missed, forces.longest, forces.late_time) == (0, 0, 0.0, 0.0)
 
 
