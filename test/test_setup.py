@@ -19,7 +19,10 @@ SOURCE = Path(__file__).resolve().parents[1]
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
 
 
-TARGETS = ["help", "venv", "touch", "demo", "test", "test-all", "lint", "docs", "release", "clean"]
+TARGETS = [
+    *("help", "venv", "touch", "demo", "test", "test-all", "mutants"),
+    *("lint", "docs", "release", "clean"),
+]
 
 ARGS = {
     "touch": "--help",
