@@ -112,7 +112,7 @@ test: $(DEV) ## run the test suite: what needs no graph on all cores, then one g
 	@failed= found=
 	part() {
 	    status=0
-	    "$$@" --untouched-kits="$${untouched%%:*}" $(SLOW) $(ARGS) || status=$$?
+	    "$$@" --untouched-parts="$${untouched%%:*}" $(SLOW) $(ARGS) || status=$$?
 	    # 5: no test was chosen, which is right for some of the parts.
 	    case $$status in 0) found=yes ;; 5) ;; *) failed=yes ;; esac
 	}
@@ -120,14 +120,14 @@ test: $(DEV) ## run the test suite: what needs no graph on all cores, then one g
 	$(BIN)/python -W ignore setup.py -q build_ext --inplace
 	tick=$$($(TICK))
 	echo "What runs in every sample: $$tick"
-	untouched=$(if $(SLOW)$(findstring test/kits,$(ARGS)),,$$($(BIN)/python test/support/untouched_kits.py))
+	untouched=$(if $(SLOW)$(findstring test/,$(ARGS)),,$$($(BIN)/python test/support/untouched_parts.py))
 	# One process more than there are cores, as tests wait for others a quarter of the time.
 	together="-n $$(($$(nproc) + 1)) --dist worksteal"
 	part $(BIN)/python -m pytest $$together -m 'not live'
 	[ "$$tick" != compiled ] || part env HAPTIC_ACCEL_PLAIN=1 \
 	    $(BIN)/python -m pytest $$together -m '(safety or plain) and not live'
 	part $(BIN)/python -m pytest -m live
-	[ -z "$$untouched" ] || echo "Only smoke tests ran of these kits (make test-all: all): $$untouched"
+	[ -z "$$untouched" ] || echo "Not all tests ran of these parts (make test-all: all): $$untouched"
 	[ -z "$$failed" ] && [ -n "$$found" ]
 
 .PHONY: test-all

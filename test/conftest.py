@@ -25,6 +25,7 @@ from haptic_accel.core.tick import COMPILED, TICK
 from running import Command, MachineStoodStillError, StallWatch
 from sharing import own_domain
 from terminals import Terminal
+from untouched_parts import CORE
 from verbs import output_of, status_of
 
 if TYPE_CHECKING:
@@ -54,6 +55,9 @@ settings.load_profile("project")
 CASES = {"safety": (100, 200), "usual": (40, 200)}
 """Cases of a property by profile, without and with ``--slow``, unless it has its own number."""
 
+BEYOND_CORE = re.compile(r"(from|import) haptic_accel(?!\.core\b)")
+"""Text in a test of the core that uses other parts of the package, too."""
+
 FUZZ_CASES = {"fuzz": (100, 1000), "fuzz few": (25, 100), "fuzz fewest": (5, 10)}
 """Cases of a property of generated damage by profile, without and with ``--slow``."""
 
@@ -74,8 +78,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--slow", action="store_true", help="run the tests marked slow, too")
     what = "run only the properties marked fuzz, with this many other cases each"
     parser.addoption("--fuzz", type=int, metavar="CASES", help=what)
-    what = "run only the smoke tests of these kits"
-    parser.addoption("--untouched-kits", default="", metavar="KIT,KIT", help=what)
+    what = "run only the smoke tests of these kits, and of the core what limits forces"
+    parser.addoption("--untouched-parts", default="", metavar="PART,PART", help=what)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -111,7 +115,11 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 def _is_untouched(path: Path, config: pytest.Config) -> bool:
     place, kit, *_ = (*path.relative_to(Path(__file__).parent).parts, "")
-    return place == "kits" and kit in config.getoption("--untouched-kits").split(",")
+    parts = config.getoption("--untouched-parts").split(",")
+    if place != CORE:
+        return place == "kits" and kit in parts
+    outside = _is_safety(path) or _has_part(path, "live") or BEYOND_CORE.search(path.read_text())
+    return CORE in parts and path.suffix == ".py" and not outside
 
 
 def _has_part(path: Path, part: str) -> bool:

@@ -1,11 +1,12 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Kits that a change does not touch, of which `make test` runs only the smoke tests.
+"""Kits and core, as far as a change does not touch them: `make test` leaves their tests out.
 
-A change touches a kit that it is in, or that imports a module of it, and all kits where it is in
-the public interface, in what all tests share, or in what is no module. Only what a kit and its
-tests import themselves counts: for what lies behind that, the tests of the main package stand.
+A change touches a kit that it is in, or that imports a module of it, and all kits and the core
+where it is in the public interface, in what all tests share, or in what is no module. Only what a
+kit and its tests import themselves counts: for what lies behind that, the tests of the main
+package stand. The core imports nothing else of the package, which `test/test_layers.py` checks.
 """
 
 from __future__ import annotations
@@ -20,6 +21,10 @@ SOURCE = Path(__file__).resolve().parents[2]
 PACKAGE = "haptic_accel"
 PLACES = f"{PACKAGE}/kits", "test/kits"
 """Folders with a folder for each kit: its code and its tests."""
+
+CORE = "core"
+OF_CORE = f"{PACKAGE}/{CORE}/", f"test/{CORE}/", "tick_build/"
+"""Folders whose content the tests of the core depend on."""
 
 CODE = PACKAGE, "test", "benchmarks", "docs", "examples", "tick_build"
 """Folders of modules, which are imported or run by themselves."""
@@ -106,7 +111,7 @@ def imported(source: Path, kit: str) -> set[str]:
 
 
 def touched(source: Path, kits: set[str], file: str) -> set[str]:
-    """Return the kits that another content of a file touches."""
+    """Return the kits that another content of a file touches, and `CORE` if it touches that."""
     path = Path(file)
     for place in map(Path, PLACES):
         if place in path.parents and (kit := path.relative_to(place).parts[0]) in kits:
@@ -118,19 +123,20 @@ def touched(source: Path, kits: set[str], file: str) -> set[str]:
     is_shared = path.name == "conftest.py" or parts[:2] == ("test", "support")
     is_shared = is_shared and not path.name.startswith("test_")
     if parts[0] not in CODE or path.suffix != ".py" or is_root or is_shared:
-        return kits
-    return {kit for kit in kits if module_of(file) in imported(source, kit)}
+        return {*kits, CORE}
+    own = {CORE} if file.startswith(OF_CORE) else set()
+    return own | {kit for kit in kits if module_of(file) in imported(source, kit)}
 
 
 def untouched(source: Path = SOURCE) -> str:
-    """Return the names of the untouched kits, with commas, and the reason; empty for none."""
+    """Return the untouched kits and `CORE`, with commas, and the reason; empty for none."""
     kits = {path.parent.name for path in (source / PLACES[0]).glob("*/__init__.py")}
     try:
         begin = base(source)
         files = changed(source, begin)
     except UnknownChangeError:
         return ""
-    left = kits.difference(*(touched(source, kits, file) for file in files))
+    left = {*kits, CORE}.difference(*(touched(source, kits, file) for file in files))
     reason = f"nothing that they import has changed since {begin[:10]}"
     return f"{','.join(sorted(left))}: {reason}" if left else ""
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from untouched_kits import SOURCE, git, untouched
+from untouched_parts import SOURCE, git, untouched
 
 pytestmark = pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
 
@@ -25,6 +25,7 @@ FILES = {
     "haptic_accel/core/rig.py": "import haptic_accel.core.model\n",
     "haptic_accel/core/model.py": "",
     "haptic_accel/pages/scope.js": "",
+    "tick_build/tick_unit.py": "",
     "haptic_accel/kits/__init__.py": "",
     "haptic_accel/kits/export/__init__.py": "",
     "haptic_accel/kits/export/page.js": "",
@@ -69,14 +70,15 @@ def project(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("name", "left"),
     [
-        ("docs/start.md", "export,study"),
+        ("docs/start.md", "core,export,study"),
         ("test/core/test_rig.py", "export,study"),
-        ("test/kits/test_removal.py", "export,study"),
+        ("test/kits/test_removal.py", "core,export,study"),
         ("haptic_accel/core/model.py", "export,study"),
         ("haptic_accel/core/rig.py", "study"),
-        ("haptic_accel/kits/export/page.js", "study"),
-        ("haptic_accel/analysis/frames.py", "export"),
-        ("test/kits/study/data.csv", "export"),
+        ("tick_build/tick_unit.py", "export,study"),
+        ("haptic_accel/kits/export/page.js", "core,study"),
+        ("haptic_accel/analysis/frames.py", "core,export"),
+        ("test/kits/study/data.csv", "core,export"),
         ("haptic_accel/analysis/__init__.py", ""),
         ("haptic_accel/__init__.pyi", ""),
         ("haptic_accel/pages/scope.js", ""),
@@ -126,9 +128,18 @@ def test_each_kit_has_a_smoke_test() -> None:
 
 def test_of_an_untouched_kit_smoke_tests_run() -> None:
     command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"]
-    command += ["--untouched-kits=export,link", "test/kits/link", "test/kits/test_removal.py"]
+    command += ["--untouched-parts=export,link", "test/kits/link", "test/kits/test_removal.py"]
     found = subprocess.run(command, cwd=SOURCE, capture_output=True, text=True, check=True).stdout
     of_kit = [line for line in found.splitlines() if line.startswith("test/kits/link")]
     assert {line.partition("::")[0] for line in of_kit} == {"test/kits/link/test_link.py"}
     assert 0 < len(of_kit) < 5
     assert "test/kits/test_removal.py::" in found
+
+
+def test_of_an_untouched_core_what_limits_forces_and_what_uses_other_parts_runs() -> None:
+    files = ["tick/test_guard.py", "test_trial.py", "control/test_filters.py"]
+    files = [f"test/core/{file}" for file in files]
+    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"]
+    command += ["--untouched-parts=core", *files]
+    found = subprocess.run(command, cwd=SOURCE, capture_output=True, text=True, check=True).stdout
+    assert {line.partition("::")[0] for line in found.splitlines() if "::" in line} == {*files[:2]}
