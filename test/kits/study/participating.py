@@ -58,6 +58,8 @@ class Visit:
     ----------
     seconds : float
         Time for which the simulated rig presents a stimulus, s.
+    over : Event
+        Event without which no stimulus ends.
     ended : str
         Reason for the end; empty before.
     """
@@ -68,6 +70,8 @@ class Visit:
         self.study = write_study(folder, text)
         self.log = self.study.begin(PARTICIPANT)
         self.noise, self.seconds, self.ended = noise, 0.05, ""
+        self.over = threading.Event()
+        self.over.set()
         self._open(0)
 
     def _open(self, port: int) -> None:
@@ -116,6 +120,7 @@ class Visit:
         """Present a stimulus as the simulated rig does, but for some time."""
         begun()
         threading.Event().wait(self.seconds)
+        self.over.wait()
         return SimulatedRig(self.study.protocol).present(condition, seconds)
 
     def _run_session(self, _: object) -> None:

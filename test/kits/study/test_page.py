@@ -14,7 +14,7 @@ import pytest
 from kits.study.participating import ENGLISH, TRIALS, Visit
 
 from browsing import LISTEN, violations
-from haptic_accel.kits.study.participant_page import ParticipantPage
+from haptic_accel.kits.study.participant_page import UNSEEN, ParticipantPage
 from haptic_accel.kits.study.trials import Screen
 from haptic_accel.scope.paced_rig import PacedRig
 from nightly import rest_slow
@@ -277,13 +277,14 @@ def test_a_stimulus_waits_for_a_page_that_shows_it(browser: Browser, visit: Visi
 
 
 def test_a_stimulus_during_which_the_page_is_lost_is_undelivered(page: Page, visit: Visit) -> None:
-    visit.seconds = 3.0
+    visit.over.clear()
     visit.begin()
     agree(page)
     shows(page, "interval 1")
     page.goto("about:blank")
+    threading.Event().wait(UNSEEN + 0.5)
+    visit.over.set()
     wait_until(lambda: visit.undelivered == 1, "the loss is noticed")
-    visit.seconds = 0.05
     page.goto(visit.address)
     asked(page, "begin")
     page.keyboard.press("Enter")
