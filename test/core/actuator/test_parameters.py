@@ -22,6 +22,8 @@ from haptic_accel.core.parameters import ParameterError, from_flat, schema
         ("actuator.b_s", math.nan),
         ("actuator.travel", 0.0),
         ("actuator.peak_force", math.inf),
+        ("actuator.peak_force", -1.0),
+        ("actuator.peak_force", math.nan),
         ("actuator.continuous_force", -2.2),
         ("actuator.thermal_time", 0.0),
         ("actuator.force_constant", 0.0),

@@ -142,6 +142,12 @@ def test_a_coil_that_one_sample_would_overheat_gets_what_it_bears_of_it() -> Non
     assert np.abs(applied[1:]) == pytest.approx(0.1)
 
 
+def test_a_coil_that_bears_no_force_gets_none() -> None:
+    for coil in (guard(wide(continuous_force=0.0)), guard(wide(peak_force=0.0))):
+        assert [limited(coil, force) for force in (1.0, -1e300)] == [0.0, 0.0]
+        assert coil.heat_share() == 0.0
+
+
 # Travel
 
 
@@ -255,6 +261,27 @@ def test_an_absurd_command_does_not_hit_the_stops(
     # A sag that the estimate does not know yet may cost the first.
     assert hits(kept) <= 2
     assert limits.cushioned > 0
+
+
+@pytest.mark.parametrize("posture", ["pinch", "hook"])
+@pytest.mark.parametrize("frequency", [8.0, 20.0])
+@pytest.mark.slow
+def test_nor_does_it_on_a_rig_like_the_papers_in_another_grip(
+    posture: str, frequency: float
+) -> None:
+    rig = MasterRigParameters(
+        exploration=STILL,
+        grip=model.GripParameters(posture=posture),
+        mount=model.MountParameters(280.0, 0.127),
+        drive=DriveParameters(delay=225e-6),
+    )
+
+    def command(time: float) -> float:
+        return math.copysign(3.0, math.sin(2 * math.pi * frequency * time))
+
+    free, _, _, _ = driven(RATE, command, guarded=False, rig=rig)
+    kept, _, _, _ = driven(RATE, command, guarded=True, rig=rig)
+    assert hits(kept) < hits(free) / 5
 
 
 @pytest.mark.parametrize("rate", [500.0, *RATES])

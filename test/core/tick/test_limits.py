@@ -358,6 +358,36 @@ def test_a_device_without_an_actuator_gets_no_force_for_one() -> None:
     assert not [name for name in layer.diagnostics() if "actuator" in name]
 
 
+def alternating(force: float, count: int) -> list[float]:
+    """Return a force at 250 Hz, which moves the actuator little."""
+    return [force if index % 4 < 2 else -force for index in range(count)]
+
+
+def test_a_coil_driven_at_its_peak_ends_at_what_it_bears() -> None:
+    bench = Bench(actuator__thermal_time=0.2, actuator__travel=0.1)
+    applied = bench.run(alternating(COIL.peak_force, 3000))
+    assert applied[:10] == alternating(COIL.peak_force, 10)
+    settled = applied[-400:]
+    rms = math.sqrt(sum(force * force for force in settled) / len(settled))
+    assert rms == pytest.approx(COIL.continuous_force, rel=0.02)
+    assert bench.value("actuator force heat left (%)") < 5.0
+    assert bench.value("actuator force limited by heat") > 1000
+    for _ in range(1000):
+        bench.tick()
+        bench.wait(PERIOD)
+    assert bench.value("actuator force heat left (%)") > 90.0
+    # Fed by a sender that hides its peaks between ticks, it would burn without being seen.
+    for _ in range(2000):
+        bench.tick()
+        bench.push(0.0)
+        bench.push(COIL.peak_force)
+        bench.wait(0.9 * PERIOD)
+        bench.push(0.0)
+        bench.wait(0.1 * PERIOD)
+    assert bench.value("actuator force heat left (%)") < 5.0
+    assert bench.value("actuator force limited by heat") > 1500
+
+
 def test_a_device_that_stood_still_knows_that_its_coil_did_not_cool() -> None:
     bench = Bench(actuator__command_timeout=10.0)
     bench.run([2.0])
