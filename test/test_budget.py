@@ -21,7 +21,7 @@ BUDGETS = {
     ROOTS: 90,
     "core": 14_712,
     "analysis": 4_048,
-    "nodes": 3_937,
+    "nodes": 3_936,
     "kits/study": 3_905,
     "devices": 4_150,
     "cli": 3_024,

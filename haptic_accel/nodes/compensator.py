@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 # Designing a filter needs this module; load it before other nodes discover this node.
@@ -45,6 +45,12 @@ class Compensator(GraphNode):
     """Node that computes an actuator force from each sample of the tool, and publishes it at once.
 
     The controller briefly waits for the handle's acceleration of the previous tick.
+
+    Attributes
+    ----------
+    part : CompensationPart
+    knows_device : bool
+        True once the device has told whether it applies forces.
     """
 
     task = "compensation"
@@ -73,14 +79,14 @@ class Compensator(GraphNode):
         self._stops = self.inbox(topics.MASTER_STOPPED)
         self._failure = ""
         self._compensation.mute(True)  # until the device is known to apply forces
+        self.knows_device = False
         self._arrivals = ArrivalKeeper(p.rate)
         self.create_service(Trigger, "~/reset", self._reset)
 
     def work(self) -> float:
         """Process the samples that arrived."""
-        came = False
-        for stamp, acceleration in self._tools.drain():
-            came = True
+        tools = [*self._tools.drain()]
+        for stamp, acceleration in tools:
             self.part.put_tool(ArmSample(stamp, acceleration=acceleration))
         if self.part.waiting:
             for stamp, acceleration in self._handles.drain():
@@ -88,13 +94,16 @@ class Compensator(GraphNode):
             self.part.compute(float(time.time_ns()))
             self.publish(self.part.results, offset=0)
             self.part.results.clear()
-        if came:
+        if tools:
             self._follow_orientation()
-        return self._arrivals.polled(found=came and not self.part.waiting)
+        return self._arrivals.polled(found=bool(tools) and not self.part.waiting)
 
     def publish(self, samples: Iterable[CompensatedSample], offset: int) -> None:
-        """Publish forces; system time is their stamps plus an offset in ns."""
-        for each in samples:
+        """Publish forces; system time is their stamps plus an offset in ns.
+
+        Before the device's state is known, publish none: the arms engage from the first force on.
+        """
+        for each in samples if self.knows_device else ():
             self._send_force(each.stamp + offset, each.actuator_force)
             self._send_desired(each.stamp + offset, each.desired_acceleration)
 
@@ -109,6 +118,7 @@ class Compensator(GraphNode):
         """Compute no force while the device refuses it; log once that `none` took over."""
         for stopped in self.states(self._stops):
             self._compensation.mute(stopped)
+            self.knows_device = True
         if (failure := self._compensation.failure) != self._failure:
             self._failure = failure
             if failure:
@@ -131,14 +141,12 @@ class Compensator(GraphNode):
                 f"reduction = {reduction!r}: must be {' or '.join(ONE_AXIS)}, as the tool measures"
                 " its acceleration along z alone; start the graph with a reduction to change it"
             )
-        if FROZEN in values:
-            self._compensation.freeze(values[FROZEN])
-        if GAIN in values:
-            self._compensation.set_gain(values[GAIN])
-        if REDUCTION in values:
-            self._compensation.select_reduction(values[REDUCTION])
-        if "controller" in values:
-            self._compensation.select(values["controller"])
+        core = self._compensation
+        changes: dict[str, Callable[[Any], None]] = {FROZEN: core.freeze, GAIN: core.set_gain}
+        changes |= {REDUCTION: core.select_reduction, "controller": core.select}
+        for name, change in changes.items():
+            if name in values:
+                change(values[name])
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return counts of lost, limited and refused samples, and the controller's values."""

@@ -163,6 +163,6 @@ class LoopRunner:
 
     def _decide(self, now: float) -> None:
         assert self._coupler
-        if self._compensator and self._compensator.part.samples:
+        if (node := self._compensator) and node.knows_device and node.part.samples:
             self._coupler.engagement.compensated = True
         self._coupler.step()

@@ -123,9 +123,19 @@ def bench(domain: int, request: pytest.FixtureRequest) -> Iterator[Bench]:
     """Give a compensator with the axes of the request, by default one, and its sender."""
     rclpy.init(args=["--ros-args", "-p", f"axes:={getattr(request, 'param', 'z')}"])
     bench = Bench()
+    if request.function is not test_no_force_is_sent_before_the_state_of_the_device_is_known:
+        bench.state.publish(Bool(data=False))
     yield bench
     bench.close()
     rclpy.shutdown()
+
+
+def test_no_force_is_sent_before_the_state_of_the_device_is_known(bench: Bench) -> None:
+    # The arms engage from the first force on; one that is withheld would differ from lockstep.
+    bench.run(0, lambda: bench.node.part.samples > 20)
+    assert not bench.caused
+    bench.state.publish(Bool(data=False))
+    bench.run(0, lambda: len(bench.caused) > 20)
 
 
 def test_a_granted_delay_in_samples_is_a_time_at_the_rate(
@@ -195,7 +205,6 @@ def test_nothing_is_felt_of_a_sample_with_an_axis_that_is_no_number(
     x, y, z = (math.nan if each == axis else 1000.0 for each in range(3))
     bench.tool, bench.felt = cycle(vibration), cycle(vibration)
     setattr(bench, "tool" if spoilt == "tool" else "felt", cycle([*vibration, (x, y, z)]))
-    bench.state.publish(Bool(data=False))
     bench.run(0, lambda: len(bench.forces) > 100 and any(bench.forces[-1]))
     name = "rejected" if spoilt == "tool" else "handle not trusted"
     bench.reported(lambda values: int(values[name]) > 20)
@@ -208,7 +217,6 @@ def test_nothing_is_felt_of_a_sample_with_an_axis_that_is_no_number(
 @pytest.mark.parametrize("bench", ["'x, y, z'"], indirect=True)
 def test_the_reduction_changes_while_the_node_runs(bench: Bench) -> None:
     bench.tool = cycle([(2.0, 1.0, 3.0), (-2.0, -1.0, -3.0)])
-    bench.state.publish(Bool(data=False))
     bench.run(0, lambda: len(bench.forces) > 20 and all(bench.forces[-1]))
     reduced = bench.node.set_parameters([Parameter("reduction", value="sum")])
     assert [each.successful for each in reduced] == [True]
