@@ -239,7 +239,7 @@ setup(
         "console_scripts": [f"haptic-accel = {NAME}.cli.start:main", *node_scripts()],
         # A kit without its folder, as in a copy for a robot, has no verb.
         f"{NAME}.commands": [
-            f"{verb} = {NAME}.kits.{kit}.commands:VERB"
+            f"{verb} = {NAME}.kits.{kit}:VERB"
             for verb, kit in KITS.items()
             if Path(NAME, "kits", kit).is_dir()
         ],

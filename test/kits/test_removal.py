@@ -73,7 +73,7 @@ def house(folder: Path, removed: Collection[str]) -> Path:
     shutil.copytree(SOURCE / "haptic_accel", folder / "haptic_accel", ignore=ignored)
     shutil.copy(SOURCE / "package.xml", folder)
     (folder / "config").symlink_to(SOURCE / "config")
-    places = ((kit, f"haptic_accel.kits.{kit}.commands:VERB") for kit in KITS)
+    places = ((kit, f"haptic_accel.kits.{kit}:VERB") for kit in KITS)
     verbs = {VERBS[kit]: place for kit, place in places if kit in VERBS}
     kept = {verb: place for verb, place in verbs.items() if verb not in map(VERBS.get, removed)}
     declare(folder, "haptic_accel", kept)

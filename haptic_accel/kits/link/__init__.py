@@ -5,3 +5,6 @@
 
 # First of all, to limit the threads of BLAS before NumPy is loaded.
 import haptic_accel.nodes  # noqa: F401
+from haptic_accel.commands import KitVerb
+
+VERB = KitVerb("Machine", "make keys for two hosts", "haptic_accel.kits.link.keys")
