@@ -19,7 +19,7 @@ ROOTS = "roots"
 
 BUDGETS = {
     ROOTS: 90,
-    "core": 14_712,
+    "core": 14_695,
     "analysis": 4_048,
     "nodes": 3_936,
     "kits/study": 3_905,

@@ -12,17 +12,14 @@ from pathlib import Path
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
-from haptic_accel.core.control.alignment import Alignment
 from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.channel import LARGEST_GAIN, Channel
 from haptic_accel.core.control.controllers import CONTROLLERS, CONTROLLERS_GROUP, Loop
 from haptic_accel.core.control.controllers import PLANT as PLANT
-from haptic_accel.core.control.decoupling import full_decoupling
 from haptic_accel.core.control.fallback import NO_CONTROLLER, TURNS
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, check_corner, high_pass
-from haptic_accel.core.control.howling import HEARS, HowlingDetector
-from haptic_accel.core.control.reduction_switch import ReductionSwitch
-from haptic_accel.core.control.sensor_watch import SensorWatch
+from haptic_accel.core.control.sensor_faults import HEARS, HowlingDetector, SensorWatch
+from haptic_accel.core.control.three_coils import Alignment, ReductionSwitch, full_decoupling
 from haptic_accel.core.handle.plant import MatrixPlant, Plant, read_matrix_plant
 from haptic_accel.core.model import ACTUATOR, GRAVITY, ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
@@ -113,7 +110,7 @@ class Compensation(HandleCompensation):
 
     Each coil has its own channel: a controller with supervision and learning that models only the
     coil's own plant. With several coils, tool and handle acceleration are decoupled first, see
-    `core.control.decoupling`. The limits are common: if a coil reaches its peak force, its heat
+    `core.control.three_coils`. The limits are common: if a coil reaches its peak force, its heat
     limit or its travel limit, the whole force is scaled and keeps its direction. The direction
     changes only if a coil must be braked before its stop.
 
