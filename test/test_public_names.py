@@ -31,12 +31,10 @@ PUBLIC = {
         read_texture resampled run_identification run_trial
     """,
     "haptic_accel.analysis": "bands compare groups load signals spectra trials",
-    "haptic_accel.commands": """
-        Column DONE FAILED FILE KitVerb LazyGroup ResultTable Row StoppedError Verb Workers
-        arguments check_writable interrupted_by_signals json_option listed_words make_folder
-        next_command on_keys one_of print_line print_table progress_bar run run_side_by_side save
-        show_page stop_on_signal verb words workers_options
-    """,
+    "haptic_accel.commands": (
+        "DONE FAILED FILE KitVerb LazyGroup StoppedError Verb arguments json_option one_of run"
+        " verb words"
+    ),
     "haptic_accel.controllers": "CONTROLLERS Controller Loop",
     "haptic_accel.devices": ("Device DeviceDescription DeviceError Joints MASTERS SLAVES Sample"),
     "haptic_accel.kits.export": "LeRobotWriter",
