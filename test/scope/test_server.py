@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import asyncio
-import base64
 import json
 import re
 import socket
@@ -97,6 +96,11 @@ def source() -> Source:
 
 
 @pytest.fixture
+def acting() -> Acting:
+    return Acting()
+
+
+@pytest.fixture
 def started(source: Source) -> Iterator[Started]:
     """Start servers on any port; returned with the address that they print."""
     servers: list[ScopeServer] = []
@@ -119,9 +123,14 @@ def visit(use: Callable[[aiohttp.ClientSession], Awaitable[Any]]) -> Any:
     return asyncio.run(run())
 
 
+def look(session: aiohttp.ClientSession, url: URL, **options: Any) -> Any:
+    """Return the connection of one more page."""
+    return session.ws_connect(url.with_path("/live"), headers=origin(url), **options)
+
+
 def visit_live(url: URL, use: Callable[[aiohttp.ClientWebSocketResponse], Awaitable[Any]]) -> Any:
     async def opened(session: aiohttp.ClientSession) -> Any:
-        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
+        async with look(session, url) as live:
             return await use(live)
 
     return visit(opened)
@@ -141,11 +150,10 @@ def post(url: URL, command: Any, **headers: str) -> tuple[int, str]:
     return visit(use)  # type: ignore[no-any-return]
 
 
-def get(url: URL, **headers: str) -> aiohttp.ClientResponse:
-    async def use(session: aiohttp.ClientSession) -> aiohttp.ClientResponse:
+def get(url: URL, **headers: str) -> tuple[aiohttp.ClientResponse, str]:
+    async def use(session: aiohttp.ClientSession) -> tuple[aiohttp.ClientResponse, str]:
         async with session.get(url, headers=headers, allow_redirects=False) as answer:
-            await answer.read()
-            return answer
+            return answer, await answer.text()
 
     return visit(use)  # type: ignore[no-any-return]
 
@@ -168,33 +176,21 @@ def samples_of(frame: bytes) -> tuple[bytes, bytes]:
 
 def test_everything_the_page_needs_comes_from_here(started: Started) -> None:
     _, url = started()
-    page = get(url)
+    page, html = get(url)
     assert page.status == 200
     policy = page.headers["Content-Security-Policy"]
     assert "default-src 'none'" in policy
     assert "http" not in policy
     assert "unsafe" not in policy
-
-    async def use(session: aiohttp.ClientSession) -> tuple[str, str]:
-        async with session.get(url) as answer:
-            html = await answer.text()
-        async with session.get(url.with_path("/scope.js")) as answer:
-            assert (answer.status, answer.content_type) == (200, "text/javascript")
-            return html, await answer.text()
-
-    html, script = visit(use)
+    answer, script = get(url.with_path("/scope.js"))
+    assert (answer.status, answer.content_type) == (200, "text/javascript")
     assert re.findall(r"(?:src|href)=.?([^\"'> ]+)", html) == ["data:,"]
     assert not re.search(r"@import|url\(", html + script)
 
 
 def test_read_only_has_no_controls_and_refuses_commands(started: Started, source: Source) -> None:
     _, url = started()
-
-    async def use(session: aiohttp.ClientSession) -> str:
-        async with session.get(url) as answer:
-            return await answer.text()
-
-    page = visit(use)
+    _, page = get(url)
     assert "Read-only" in page
     assert "data-action" not in page
     assert 'id="stop"' not in page
@@ -210,8 +206,7 @@ def test_read_only_has_no_controls_and_refuses_commands(started: Started, source
     assert source.led == []
 
 
-def test_commands_come_through_where_control_is_allowed(started: Started) -> None:
-    acting = Acting()
+def test_commands_come_through_where_control_is_allowed(started: Started, acting: Acting) -> None:
     _, url = started(acting)
     assert post(url, {"action": "controller", "value": "none"})[0] == 200
     assert acting.done == [("controller", "none")]
@@ -219,15 +214,16 @@ def test_commands_come_through_where_control_is_allowed(started: Started) -> Non
     assert (status, json.loads(text)) == (503, {"message": "absent: no such service"})
 
 
-def test_a_token_is_asked_for_everywhere_and_moves_into_a_cookie(started: Started) -> None:
-    acting = Acting()
+def test_a_token_is_asked_for_everywhere_and_moves_into_a_cookie(
+    started: Started, acting: Acting
+) -> None:
     _, printed = started(acting, host="0.0.0.0", token=TOKEN)
     assert printed.query["token"] == TOKEN
     bare = URL.build(scheme="http", host="127.0.0.1", port=printed.port or 0, path="/")
     for path in ("/", "/scope.js", "/scene"):
-        assert get(bare.with_path(path)).status == 403
-    assert get(bare.with_query(token="wrong")).status == 403
-    assert get(bare, Cookie=f"haptic_accel_scope_{bare.port}=wrong").status == 403
+        assert get(bare.with_path(path))[0].status == 403
+    assert get(bare.with_query(token="wrong"))[0].status == 403
+    assert get(bare, Cookie=f"haptic_accel_scope_{bare.port}=wrong")[0].status == 403
     assert post(bare, {"action": "estop", "value": True})[0] == 403
     bearer = {"Authorization": f"Bearer {TOKEN}"}
     assert post(bare, {"action": "estop", "value": True}, **bearer)[0] == 200
@@ -257,13 +253,12 @@ def test_two_pages_see_the_same_and_one_that_leaves_is_forgotten(
 ) -> None:
     server, url = started()
     source.feed(200)
-    assert get(url).status == 200
+    assert get(url)[0].status == 200
     assert (server.traffic.frames, server.traffic.bytes) == (0, 0), "where nobody looks"
 
     async def use(session: aiohttp.ClientSession) -> None:
-        live = url.with_path("/live")
-        async with session.ws_connect(live, headers=origin(url)) as first:
-            async with session.ws_connect(live, headers=origin(url)) as second:
+        async with look(session, url) as first:
+            async with look(session, url) as second:
                 # But for the time at which the frame was made.
                 one, other = await frames(first, 1), await frames(second, 1)
                 assert samples_of(*one) == samples_of(*other)
@@ -312,7 +307,7 @@ def test_a_state_that_cannot_be_made_disconnects_the_page_and_is_logged_once(
 
     async def use(session: aiohttp.ClientSession) -> None:
         for _ in range(3):
-            async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
+            async with look(session, url) as live:
                 message = await live.receive(PATIENCE)
                 assert message.type is aiohttp.WSMsgType.CLOSE, message
                 assert message.data == aiohttp.WSCloseCode.INTERNAL_ERROR
@@ -333,7 +328,7 @@ def test_a_failing_request_is_answered_and_logged_once(
         raise OverflowError("a scene too large")
 
     monkeypatch.setattr(source, "scene", fail)
-    assert [get(url.with_path("/scene")).status for _ in range(3)] == [500] * 3
+    assert [get(url.with_path("/scene"))[0].status for _ in range(3)] == [500] * 3
     (record,) = caplog.records
     assert "OverflowError" in record.message
 
@@ -363,8 +358,7 @@ def test_more_pages_than_are_served_are_told_also_if_they_come_at_once(
     monkeypatch.setattr(web.WebSocketResponse, "prepare", wait)
 
     async def use(session: aiohttp.ClientSession) -> None:
-        live = url.with_path("/live")
-        asked = (session.ws_connect(live, headers=origin(url)) for _ in range(20))
+        asked = (look(session, url) for _ in range(20))
         found = await asyncio.gather(*asked, return_exceptions=True)
         refused = [each for each in found if isinstance(each, aiohttp.WSServerHandshakeError)]
         assert {each.status for each in refused} == {503}
@@ -378,14 +372,9 @@ def test_a_page_that_does_not_read_gets_no_queue_and_holds_nobody_up(
 ) -> None:
     monkeypatch.setattr(served, "FRAME_RATE", 1000.0)
     server, url = started()
-    slow = socket.create_connection(("127.0.0.1", url.port or 0))
+    slow = connected(url)
     slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    key = base64.b64encode(bytes(16)).decode()
-    slow.sendall(
-        f"GET /live HTTP/1.1\r\nHost: {url.authority}\r\nOrigin: {url.origin()}\r\n"
-        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-        f"Sec-WebSocket-Key: {key}\r\n\r\n".encode()
-    )
+    slow.sendall(live_request(url))
     wait_until(lambda: server.clients == 1, "the slow page is there")
     over = threading.Event()
 
@@ -405,9 +394,7 @@ def test_a_page_that_does_not_read_gets_no_queue_and_holds_nobody_up(
         wait_until(full, "the slow page is sent nothing more")
 
         async def use(session: aiohttp.ClientSession) -> None:
-            async with session.ws_connect(
-                url.with_path("/live"), headers=origin(url), max_msg_size=2**26
-            ) as quick:
+            async with look(session, url, max_msg_size=2**26) as quick:
                 assert len(await frames(quick, 20)) == 20
 
         visit(use)
@@ -467,12 +454,12 @@ JSON = "Content-Type: application/json"
 )
 def test_a_malformed_request_is_the_clients_fault(
     started: Started,
+    acting: Acting,
     caplog: pytest.LogCaptureFixture,
     body: bytes,
     headers: tuple[str, ...],
     length: object,
 ) -> None:
-    acting = Acting()
     _, url = started(acting)
     assert status(url, command_of(url, body, *headers, length=length)) in (400, 413)
     assert acting.done == []
@@ -496,9 +483,14 @@ EVIL, TEXT = "http://evil.example", "Content-Type: text/plain"
     ],
 )
 def test_other_pages_can_neither_command_nor_look(
-    started: Started, line: str, host: str, origin: str | None, kind: str, expected: int
+    started: Started,
+    acting: Acting,
+    line: str,
+    host: str,
+    origin: str | None,
+    kind: str,
+    expected: int,
 ) -> None:
-    acting = Acting()
     _, url = started(acting)
     asked = command_of(url, b'{"action": "estop", "value": false}', kind).decode()
     asked = asked.replace("POST /command", line)
@@ -524,19 +516,18 @@ def test_who_has_access_and_does_not_finish_a_request_is_disconnected(
 
 @pytest.mark.parametrize("token", [TOKEN, ""])
 def test_a_command_that_never_ends_is_refused_or_dropped(
-    started: Started, monkeypatch: pytest.MonkeyPatch, token: str
+    started: Started, acting: Acting, monkeypatch: pytest.MonkeyPatch, token: str
 ) -> None:
     monkeypatch.setattr(served, "REQUEST_TIME", 0.1)
     monkeypatch.setattr(connections, "STRANGER_TIME", 0.1)
-    _, url = started(acting := Acting(), token=token)
+    _, url = started(acting, token=token)
     asked = command_of(url, b'{"action"', JSON, f"Authorization: Bearer {token}", length=100)
     with connected(url, asked) as opened:
         assert opened.recv(12) == (b"HTTP/1.1 400" if token else b"")
     assert not acting.done
 
 
-def test_a_command_in_pieces_arrives(started: Started) -> None:
-    acting = Acting()
+def test_a_command_in_pieces_arrives(started: Started, acting: Acting) -> None:
     _, url = started(acting)
     body = b'{"action": "estop", "value": true}'
     asked = command_of(url, body, length=len(body))
@@ -603,8 +594,8 @@ def test_one_page_at_a_time_leads_the_hand(started: Started, source: Source) -> 
     _, url = started(Acting())
 
     async def use(session: aiohttp.ClientSession) -> None:
-        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as other:
-            async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as first:
+        async with look(session, url) as other:
+            async with look(session, url) as first:
                 await first.send_json({"point": [0.01, -0.002]})
                 await asyncio.to_thread(wait_until, lambda: bool(source.led), "led")
                 await other.send_json({"point": [0.0, 0.0]})
@@ -653,7 +644,7 @@ def test_the_scene_is_served_and_places_to_who_asks(started: Started, source: So
     async def use(session: aiohttp.ClientSession) -> None:
         answer = await session.get(url.with_path("/scene"))
         assert await answer.json() == source.scene()
-        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as live:
+        async with look(session, url) as live:
             await live.send_json(["scene"])
             while True:
                 message = await live.receive(PATIENCE)
@@ -804,9 +795,8 @@ Controlled = tuple[ScopeServer, Acting, URL]
 
 
 @pytest.fixture
-def controlled(started: Started) -> Controlled:
+def controlled(started: Started, acting: Acting) -> Controlled:
     """Start a server that takes commands with a token."""
-    acting = Acting()
     server, url = started(acting, token=TOKEN)
     return server, acting, url
 
@@ -870,6 +860,10 @@ def test_no_request_is_the_servers_fault_or_gets_past_the_token(
     caplog.clear()
 
 
+def live_request(url: URL) -> bytes:
+    return "\r\n".join((*LIVE, "", "")).replace("{host}", url.authority).encode()
+
+
 def frame(opcode: int, payload: bytes, told: int, masked: bool) -> bytes:
     """Return a WebSocket frame (RFC 6455) that tells any length; the mask is zero."""
     mask = 0x80 * masked
@@ -898,8 +892,7 @@ def test_a_page_that_sends_anything_is_forgotten_when_it_leaves(
     controlled: Controlled, caplog: pytest.LogCaptureFixture, wire: bytes
 ) -> None:
     server, acting, url = controlled
-    asked = "\r\n".join((*LIVE, "", "")).replace("{host}", url.authority).encode()
-    with connected(url, asked) as opened:
+    with connected(url, live_request(url)) as opened:
         assert opened.recv(12) == b"HTTP/1.1 101"
         opened.sendall(wire + frame(0x88, b"", 0, masked=True))
     while server.clients:
@@ -926,10 +919,9 @@ def test_whatever_a_page_says_in_turn_the_hand_is_led_within_reach(
     controlled: Controlled, source: Source, caplog: pytest.LogCaptureFixture, texts: list[str]
 ) -> None:
     server, acting, url = controlled
-    asked = "\r\n".join((*LIVE, "", "")).replace("{host}", url.authority).encode()
     payloads = [text.encode("utf-8", "surrogatepass") for text in texts]
     begun = time.monotonic()
-    with connected(url, asked) as opened:
+    with connected(url, live_request(url)) as opened:
         assert opened.recv(12) == b"HTTP/1.1 101"
         source.feed(3)
         with suppress(ConnectionError):  # disconnected already
