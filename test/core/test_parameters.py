@@ -13,6 +13,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from haptic_accel.core.control.compensation import CompensationParameters
+from haptic_accel.core.control.controllers.inverse import InverseParameters
+from haptic_accel.core.control.inversion.spectrum import TexturePrior
+from haptic_accel.core.coupling.passive import CouplingParameters
+from haptic_accel.core.model import AccelerometerParameters, ApproximateModel, HandleParameters
 from haptic_accel.core.parameters import (
     Checked,
     ParameterError,
@@ -23,6 +28,8 @@ from haptic_accel.core.parameters import (
     schema,
     suggestion,
 )
+from haptic_accel.core.rig.master_rig import DriveParameters, ExplorationParameters
+from haptic_accel.core.rig.slave_rig import SurfaceParameters, ToolParameters
 
 ANY_NUMBER = Specification("any")
 
@@ -176,6 +183,74 @@ def test_a_parameter_class_checks_every_field_when_built() -> None:
         Spring(stiffness=-1)
     with pytest.raises(ParameterError, match=r"^mass = nan: must be above 0 kg$"):
         Spring(mass=math.nan)
+
+
+IMPOSSIBLE: dict[type[Checked], list[tuple[str, Any, str]]] = {
+    HandleParameters: [
+        ("m_a", -0.018, "above 0 kg"),
+        ("m_a", 0.0, "above 0 kg"),
+        ("m_h", -1.0, "above 0 kg"),
+        ("m_h", math.nan, "above 0 kg"),
+        ("k_s", -1.0, "at least 0 N/m"),
+        ("k_u", math.inf, "at least 0 N/m"),
+        ("b_s", -2.0, "at least 0 N s/m"),
+        ("b_u", math.nan, "at least 0 N s/m"),
+    ],
+    ApproximateModel: [
+        ("zero_1_frequency", 0.0, "above 0 Hz"),
+        ("pole_2_damping", -1.0, "above 0"),
+        ("gain", math.nan, "above 0 m/s.2/N"),
+    ],
+    AccelerometerParameters: [
+        *(("range", 0.0, ""), ("bandwidth", math.nan, ""), ("noise_density", -1.0, "")),
+        *(("bits", 3, ""), ("bits", 8.5, "a whole number")),
+    ],
+    DriveParameters: [
+        *(("delay", -1.0, "from"), ("slip_velocity", 0.0, "")),
+        *(("stop_stiffness", math.nan, ""), ("bits", 64, "")),
+    ],
+    ExplorationParameters: [
+        *(("stroke_speed", -0.1, ""), ("turn_time", 0.0, ""), ("height", math.nan, "")),
+        *(("strokes", 0, ""), ("strokes", 1.5, "a whole number")),
+    ],
+    ToolParameters: [
+        *(("mass", 0.0, "from"), ("viscous_friction", -1.0, "from")),
+        *(("height", math.nan, "from"), ("slip_velocity", 0.0, "from")),
+    ],
+    SurfaceParameters: [
+        *(("stiffness", 0.0, "from"), ("friction", -0.1, "from")),
+        *(("roughness", math.nan, "from"), ("bump_pitch", 0.0, "from")),
+    ],
+    CouplingParameters: [
+        ("k_m", -1.0, "from 0 to 5000 N/m"),
+        ("k_sl", math.nan, "from 0 to 5000 N/m"),
+        ("damping", -0.1, "from 0 to 50 N s/m"),
+        ("scale", 0.0, "from 0.01 to 100"),
+        ("max_force", math.inf, "from 0 to 100 N"),
+    ],
+    CompensationParameters: [
+        *(("controller", "magic", "one of none"), ("high_pass_frequency", 0.0, "")),
+        ("high_pass_frequency", math.nan, ""),
+    ],
+    InverseParameters: [
+        ("granted_time", -0.001, "from 0 to 0.1 s"),
+        ("granted_time", 1.5, "from 0 to 0.1 s"),
+        ("memory", 3.0, "from 0.05 to 0.4 s"),
+    ],
+    TexturePrior: [("rise", 0.0, "from"), ("fall", math.inf, "from")],
+}
+"""Values that parameters may not have, and how the line goes on that says so."""
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "value", "allowed"),
+    [(owner, *row) for owner, rows in IMPOSSIBLE.items() for row in rows],
+)
+def test_what_is_physically_impossible_is_refused(
+    owner: type[Checked], name: str, value: Any, allowed: str
+) -> None:
+    with pytest.raises(ParameterError, match=f"^{name} = {value!r}: must be {allowed}"):
+        owner(**{name: value})
 
 
 def test_a_parameter_class_stores_ints_as_floats() -> None:

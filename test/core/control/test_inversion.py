@@ -417,12 +417,6 @@ def test_silence_is_taken_for_the_sensors_noise() -> None:
     assert found == pytest.approx(0.0025**2)
 
 
-@pytest.mark.parametrize(("name", "value"), [("rise", 0.0), ("fall", math.inf)])
-def test_an_impossible_prior_is_refused(name: str, value: float) -> None:
-    with pytest.raises(ParameterError, match=f"^{name} = {value}: must be from "):
-        TexturePrior(**{name: value})
-
-
 def test_the_coupling_holds_the_handle_as_the_grip_does() -> None:
     plant = Plant(coupling=250.0)
     stiffer = Plant(replace(plant.handle, k_u=plant.handle.k_u + 250.0), coupling=0.0)
