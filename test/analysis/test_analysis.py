@@ -19,6 +19,7 @@ from bag_maker import BagContent, of_trial, write_bag
 from haptic_accel.analysis import bands, compare, groups, load, signals, spectra, trials
 from haptic_accel.analysis.experiment import experiment_warnings
 from haptic_accel.analysis.frames import RUNS, table_two
+from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.summary import UNFOLLOWED, summary
 from haptic_accel.analysis.writing import as_json, write_analysis
 from haptic_accel.core import topics
@@ -50,20 +51,37 @@ def copy(
     noise: float = 0.0,
     seed: int = 0,
     seconds: float = 6.0,
+    blind: bool = False,
 ) -> BagContent:
-    """Return a bag in which the handle copies what is desired, scaled and some samples later."""
+    """Return a bag in which the handle copies what is desired, scaled and some samples later.
+
+    Of a blind trial the handle's acceleration was not recorded.
+    """
     desired = texture(seed, seconds)
     disturbed = desired + noise * texture(seed + 1000, seconds)
     handle = gain * np.concatenate([np.zeros(delay), disturbed[: len(desired) - delay]])
     force = 0.128 * desired
     time = np.arange(len(desired)) / RATE
     trial = Trial(surface, controller, RATE, time, desired, desired, handle, force)
-    return of_trial(trial, seed=seed)
+    content = of_trial(trial, seed=seed)
+    if blind:
+        del content.signals[topics.HANDLE_ACCELERATION.name]  # type: ignore[attr-defined]
+    return content
+
+
+def analysed(folder: Path, content: BagContent, **options: Any) -> tuple[Analysis, Any]:
+    """Return the analysis of a bag with one trial, and the trial's row."""
+    analysis = load(write_bag(folder / "bag", content), **options)
+    return analysis, trials(analysis).iloc[0]
+
+
+def line_with(words: str, analysis: Analysis) -> str:
+    (found,) = [line for line in summary(analysis) if words in line]
+    return found
 
 
 def test_a_scaled_and_delayed_copy_has_exact_figures(tmp_path: Path) -> None:
-    write_bag(tmp_path / "bag", copy(gain=0.75, delay=3))
-    found = trials(load(tmp_path, shift="3")).iloc[0]
+    _, found = analysed(tmp_path, copy(gain=0.75, delay=3), shift="3")
     assert found["nrmse_percent"] == pytest.approx(25.0, abs=0.1)
     assert found["slope_actual_on_desired"] == pytest.approx(0.75, abs=1e-3)
     assert found["slope_desired_on_actual"] == pytest.approx(1 / 0.75, abs=2e-3)
@@ -83,7 +101,7 @@ def test_the_share_that_a_hand_could_not_tell_is_reported_beside_the_error(tmp_p
     found = trials(analysis).set_index("controller").indistinguishable_percent
     assert found["constant"] == pytest.approx(0.0, abs=1.0)
     assert found["dynamic"] == pytest.approx(100.0, abs=1.0)
-    (told,) = [line for line in summary(analysis) if "a hand could not tell" in line]
+    told = line_with("a hand could not tell", analysis)
     assert re.search(r": constant \d\.\d %, dynamic (99|100)\.\d %\.$", told)
 
 
@@ -108,9 +126,7 @@ def test_a_bag_is_shifted_by_its_latency_and_one_sample(
     content = copy(gain=1.0, delay=samples, seconds=2.0)
     if stated is not None:
         content.metadata["arguments"]["latency"] = stated
-    write_bag(tmp_path / "bag", content)
-    analysis = load(tmp_path)
-    found = trials(analysis).iloc[0]
+    analysis, found = analysed(tmp_path, content)
     assert found["shift_ms"] == samples
     assert found["latency_samples"] == samples - 1
     assert found["nrmse_percent"] < 3.0
@@ -140,16 +156,15 @@ def test_the_bounds_are_those_of_the_simulated_handle_and_tell_what_cannot_be_fo
     content = copy(seconds=4.0)
     content.metadata["arguments"]["master"] = "simulated"
     content.metadata["parameters"]["master_device"] = {"simulated.drive.delay": delay}
-    analysis = load(write_bag(tmp_path / "bag", content))
-    found = trials(analysis).iloc[0]
+    analysis, found = analysed(tmp_path, content)
     assert least <= found.bound_percent <= found.limited_bound_percent
     assert found.bound_percent < most
-    (line,) = [line for line in summary(analysis) if "error possible" in line]
     lowest = found.limited_bound_percent
-    assert line.endswith(f"within the actuator's limits: plywood {lowest:.1f} %.")
+    told = f"within the actuator's limits: plywood {lowest:.1f} %."
+    assert line_with("error possible", analysis).endswith(told)
     alone = "The input itself cannot be followed on plywood"
-    told = any(line.startswith(alone) for line in summary(analysis))
-    assert told == (lowest >= UNFOLLOWED)
+    unfollowed = any(line.startswith(alone) for line in summary(analysis))
+    assert unfollowed == (lowest >= UNFOLLOWED)
 
 
 @pytest.mark.parametrize(
@@ -189,10 +204,9 @@ def test_bags_of_several_latencies_are_named_together(tmp_path: Path) -> None:
 def test_controllers_without_a_surface_in_common_have_their_errors_told(tmp_path: Path) -> None:
     write_bag(tmp_path / "a", copy("constant", "plywood", gain=0.75))
     write_bag(tmp_path / "b", copy("dynamic", "vinyl", gain=0.9))
-    (told,) = [line for line in summary(load(tmp_path)) if "Error (NRMSE)" in line]
-    assert "constant on plywood 25.0 %" in told
-    assert "dynamic on vinyl 10.0 %" in told
-    assert "no average" in told
+    told = line_with("Error (NRMSE)", load(tmp_path))
+    for words in ("constant on plywood 25.0 %", "dynamic on vinyl 10.0 %", "no average"):
+        assert words in told
     assert "missing" not in told
 
 
@@ -200,25 +214,18 @@ def test_an_average_is_over_the_surfaces_that_have_all_errors(tmp_path: Path) ->
     for controller, gain in (("constant", 0.75), ("dynamic", 0.9)):
         write_bag(tmp_path / f"{controller}_text", copy(controller, "text", gain=gain))
     write_bag(tmp_path / "vinyl", copy("dynamic", "vinyl", gain=0.5))
-    blind = copy("constant", "vinyl", seed=1)
-    del blind.signals[topics.HANDLE_ACCELERATION.name]  # type: ignore[attr-defined]
-    write_bag(tmp_path / "blind", blind)
-    (told,) = [s for s in summary(load(tmp_path)) if s.startswith("Error")]
-    shift = "shifted back by 1 ms (1 sample)"
-    assert told.startswith(f"Error (NRMSE, averaged over text), {shift}: dynamic 10.0 %")
+    write_bag(tmp_path / "blind", copy("constant", "vinyl", seed=1, blind=True))
+    told = line_with("Error (NRMSE, averaged over text)", load(tmp_path))
+    assert "shifted back by 1 ms (1 sample): dynamic 10.0 %" in told
 
 
-def test_where_no_trial_has_an_error_none_is_told(tmp_path: Path) -> None:
-    blind = copy()
-    del blind.signals[topics.HANDLE_ACCELERATION.name]  # type: ignore[attr-defined]
-    write_bag(tmp_path / "bag", blind)
-    assert "No error could be determined." in summary(load(tmp_path))
-
-
-@pytest.mark.parametrize("shift", ["", "later", "nan", "1e9"])
-def test_a_shift_that_is_none_is_refused(tmp_path: Path, shift: str) -> None:
-    with pytest.raises(ParameterError, match="shift = "):
-        load(tmp_path, shift=shift)
+def test_without_a_handle_the_force_is_told_and_no_error(tmp_path: Path) -> None:
+    analysis, found = analysed(tmp_path, copy(blind=True))
+    assert "No error could be determined." in summary(analysis)
+    # None was due.
+    for name in ("nrmse_percent", "travel_mm", "deadlines_missed_percent"):
+        assert math.isnan(found[name])
+    assert found["force_peak_N"] > 0
 
 
 def test_coherence_is_that_of_signal_in_noise(tmp_path: Path) -> None:
@@ -229,9 +236,7 @@ def test_coherence_is_that_of_signal_in_noise(tmp_path: Path) -> None:
 
 
 def test_signals_with_next_to_nothing_in_common_have_no_slope(tmp_path: Path) -> None:
-    write_bag(tmp_path / "bag", copy(noise=4.0))
-    analysis = load(tmp_path, shift="1")
-    found = trials(analysis).iloc[0]
+    _, found = analysed(tmp_path, copy(noise=4.0), shift="1")
     assert 0.0 < found["r2"] < 0.09
     assert math.isnan(found["slope_desired_on_actual"])
     assert math.isnan(found["slope_actual_on_desired"])
@@ -301,24 +306,12 @@ def test_what_is_no_bag_harms_no_other(tmp_path: Path) -> None:
     assert set(analysis.problems) == {"bad", "empty"}
 
 
-def test_without_a_handle_the_force_is_told_all_the_same(tmp_path: Path) -> None:
-    written = copy()
-    del written.signals[topics.HANDLE_ACCELERATION.name]  # type: ignore[attr-defined]
-    write_bag(tmp_path / "bag", written)
-    found = trials(load(tmp_path)).iloc[0]
-    assert math.isnan(found["nrmse_percent"])
-    assert math.isnan(found["travel_mm"])
-    assert found["force_peak_N"] > 0
-    assert math.isnan(found["deadlines_missed_percent"])  # none was due
-
-
 def test_travel_is_that_of_the_suspension(tmp_path: Path) -> None:
     # A force held for long moves the actuator by force over stiffness: Table I's 266 N/m.
     samples = 3000
     zero = np.zeros(samples)
     trial = Trial("plywood", "none", RATE, zero, zero, zero, zero, np.full(samples, 0.5))
-    write_bag(tmp_path / "bag", of_trial(trial))
-    found = trials(load(tmp_path)).iloc[0]
+    _, found = analysed(tmp_path, of_trial(trial))
     assert found["travel_mm"] == pytest.approx(1e3 * 0.5 / 266.0, rel=5e-3)
     assert math.isnan(found["nrmse_percent"])  # nothing was desired
 
@@ -335,7 +328,7 @@ def test_a_travel_beyond_the_stops_is_left_out_and_said(tmp_path: Path) -> None:
     assert math.isnan(found.travel_mm["hard"])
     assert "stops" in found.notes["hard"]
     assert found.travel_mm["soft"] == pytest.approx(1.88, abs=0.05)
-    (told,) = [line for line in summary(analysis) if "actuator gave" in line]
+    told = line_with("actuator gave", analysis)
     assert "reached its stops, 3.8 mm either way, in 1 of 2 trials" in told
     assert "5.6" not in told
 
@@ -362,8 +355,7 @@ def test_a_handle_that_is_not_as_the_compensator_was_told_is_named(tmp_path: Pat
     assert told["known"] == []
     assert len(told["unknown"]) == 1
     assert "run identify, a mode near 184 Hz is not described (from 0." in told["unknown"][0]
-    sentence = next(line for line in summary(analysis) if "not as described" in line)
-    assert sentence.startswith("In 1 of 2 trials the handle is not as described ")
+    assert any("In 1 of 2 trials the handle is not as" in line for line in summary(analysis))
     for name, message in (("silent", "OK"), ("loud", "the handle is not as described above 1 Hz")):
         # The live compensator knew which samples were missing or out of order.
         said = [(seconds, "compensator", message, {}) for seconds in (1.0, 2.0)]
@@ -374,12 +366,15 @@ def test_a_handle_that_is_not_as_the_compensator_was_told_is_named(tmp_path: Pat
 
 
 def test_trials_without_contact_are_in_no_mean(tmp_path: Path) -> None:
-    for seed in range(3):
-        write_bag(tmp_path / f"touch{seed}", copy(gain=0.75, seed=seed, seconds=2.0))
     air = copy(gain=40.0, seed=7, seconds=2.0)
     for values in air.signals.values():
         values *= 0.02
-    write_bag(tmp_path / "air", air)
+    alone = load(write_bag(tmp_path / "air", air))
+    assert groups(alone).empty
+    told = line_with("1 of 1 trial had no contact", alone)
+    assert "Check that the tool touched the surface" in told
+    for seed in range(3):
+        write_bag(tmp_path / f"touch{seed}", copy(gain=0.75, seed=seed, seconds=2.0))
     analysis = load(tmp_path)
     (group,) = groups(analysis).to_dict("records")
     assert group["trials"] == 3
@@ -388,17 +383,6 @@ def test_trials_without_contact_are_in_no_mean(tmp_path: Path) -> None:
     assert not found.contact["air"]
     assert math.isnan(found.nrmse_percent["air"])
     assert any("1 of 4 trials had no contact" in line for line in summary(analysis))
-
-
-def test_of_trials_without_contact_alone_there_is_no_table(tmp_path: Path) -> None:
-    air = copy(seconds=2.0)
-    for values in air.signals.values():
-        values *= 0.001
-    write_bag(tmp_path / "air", air)
-    analysis = load(tmp_path)
-    assert groups(analysis).empty
-    (told,) = [line for line in summary(analysis) if "1 of 1 trial had no contact" in line]
-    assert "Check that the tool touched the surface" in told
 
 
 def test_trials_of_one_seed_show_the_same_excerpt(tmp_path: Path) -> None:
@@ -435,8 +419,7 @@ def late_forces(tmp_path: Path, **counts: str) -> tuple[list[str], dict[str, Any
         reported |= {f"{force} {name}": value for name, value in counts.items()}
     content = replace(copy(), diagnostics=[(3.0, "master_device", "", reported)])
     content.metadata["arguments"]["master"] = "simulated"
-    write_bag(tmp_path / "bag", content)
-    analysis = load(tmp_path)
+    analysis, _ = analysed(tmp_path, content)
     (row,) = as_json(analysis)["trials"]
     return summary(analysis), row
 
@@ -497,6 +480,7 @@ def test_an_older_bag_keeps_its_counts_and_says_what_they_leave_out(tmp_path: Pa
 @pytest.mark.parametrize(
     ("metadata", "words"),
     [
+        (None, ""),
         ({"run": "lockstep"}, "in lockstep, without ROS"),
         ({}, "live on ROS 2, each node in a process of its own"),
         ({"composed": True}, "live on ROS 2, its nodes composed into one process"),
@@ -506,25 +490,19 @@ def test_an_older_bag_keeps_its_counts_and_says_what_they_leave_out(tmp_path: Pa
         ),
     ],
 )
-def test_a_report_tells_how_its_trials_ran(
-    tmp_path: Path, metadata: dict[str, object], words: str
+def test_a_report_tells_how_its_trials_ran_and_does_not_guess(
+    tmp_path: Path, metadata: dict[str, object] | None, words: str
 ) -> None:
     content = copy(seconds=2.0)
-    content.metadata["arguments"].update({k: v for k, v in metadata.items() if k != "run"})
-    if "run" in metadata:
+    if metadata and "run" in metadata:
         content.metadata["run"] = metadata["run"]  # type: ignore[index]
-    else:
+    elif metadata is not None:
+        content.metadata["arguments"].update(metadata)
         content = replace(content, diagnostics=[(1.0, "master_device", "OK", {})])
-    write_bag(tmp_path / "bag", content)
-    analysis = load(tmp_path)
-    assert f"1 trial ran {words}." in summary(analysis)
-    assert trials(analysis).run[0] == words
-
-
-def test_how_a_trial_ran_is_not_guessed(tmp_path: Path) -> None:
-    write_bag(tmp_path / "bag", copy(seconds=2.0))
-    told = summary(load(tmp_path))
-    assert "How 1 trial ran is not stated by the bags." in told
+    analysis, found = analysed(tmp_path, content)
+    told = f"1 trial ran {words}." if words else "How 1 trial ran is not stated by the bags."
+    assert told in summary(analysis)
+    assert found.run == words
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
@@ -544,8 +522,7 @@ def test_how_a_trial_ran_is_not_guessed(tmp_path: Path) -> None:
 def test_a_damaged_value_counts_as_missing(tmp_path: Path, name: str, value: float) -> None:
     content = copy(seconds=2.0)
     content.signals[name][700] = value
-    write_bag(tmp_path / "bag", content)
-    analysis = load(tmp_path)
+    analysis, _ = analysed(tmp_path, content)
     write_analysis(analysis, tmp_path)
     told = f"{name}: 1 of 2000 samples count as missing: no numbers, or beyond 1e+09"
     assert told in analysis.problems["bag"]
@@ -571,20 +548,24 @@ def test_samples_of_a_trial_come_with_their_time(tmp_path: Path) -> None:
         signals(bag, 2)
 
 
-def test_a_bag_named_twice_counts_once(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("place", "shift", "words"),
+    [
+        ("nothing", "granted", "no such"),
+        ("", "granted", "with bags in it"),
+        *(("", shift, "shift = ") for shift in ("", "later", "nan", "1e9")),
+    ],
+)
+def test_what_cannot_be_loaded_is_refused(
+    tmp_path: Path, place: str, shift: str, words: str
+) -> None:
+    with pytest.raises(ParameterError, match=words):
+        load(tmp_path / place, shift=shift)
+
+
+def test_a_single_file_is_a_bag_and_one_named_twice_counts_once(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", copy(seconds=2.0))
     assert len(load(bag, tmp_path).trials) == 1
-
-
-def test_a_place_without_a_bag_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="no such"):
-        load(tmp_path / "nothing")
-    with pytest.raises(ParameterError, match="with bags in it"):
-        load(tmp_path)
-
-
-def test_a_single_file_is_a_bag(tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "bag", copy(seconds=2.0))
     (file,) = bag.glob("*.mcap")
     shutil.copy(file, tmp_path / "alone.mcap")
     analysis = load(tmp_path / "alone.mcap")
