@@ -51,10 +51,8 @@ def test_each_trial_has_its_own_share_of_what_its_device_counted(
         }
         named = {f"{force} {name}": value for name, value in values.items()}
         diagnostics.append((seconds, "master_device", "", named))
-    changes = [
-        (3.0, "compensator", "controller", "inverse"),
-        (6.0, "compensator", "controller", "dynamic"),
-    ]
+    at = {3.0: "inverse", 6.0: "dynamic"}
+    changes = [(time, "compensator", "controller", name) for time, name in at.items()]
     noise = np.random.default_rng(0).normal(size=round(9 * RATE))
     signals = dict.fromkeys((topic.name for topic in topics.ANALYSED), noise)
     stated = meta("dynamic", "plywood", rate=RATE)

@@ -69,23 +69,16 @@ def test_what_goes_in_comes_out_in_order_for_every_reader(
             (topic.topic, time, data)
             for (topic, _, data), time in zip(messages, times, strict=True)
         ]
-        assert (files.written, files.lost, files.failure, files.trouble) == (
-            len(messages),
-            0,
-            "",
-            "",
-        )
-        assert with_rosbags(bag) == expected
-        assert with_mcap(bag) == expected
+        assert (files.written, files.lost) == (len(messages), 0)
+        assert files.failure == files.trouble == ""
+        assert with_rosbags(bag) == with_mcap(bag) == expected
         metadata = read_metadata(bag)
         assert metadata.custom == FACTS
         assert {topic.name: topic.messages for topic in metadata.topics} == {
             topic.topic: sum(one is topic for one, _, _ in messages) for topic in TOPICS
         }
-        assert {path.name for path in bag.iterdir()} == {
-            "metadata.yaml",
-            *(entry.name for entry in metadata.files),
-        }
+        names = {"metadata.yaml", *(entry.name for entry in metadata.files)}
+        assert {path.name for path in bag.iterdir()} == names
 
 
 def test_a_file_is_full_at_its_size_and_at_its_duration(tmp_path: Path) -> None:
@@ -104,16 +97,11 @@ def test_a_file_is_full_at_its_size_and_at_its_duration(tmp_path: Path) -> None:
     assert (third.start, third.end, third.messages) == (START + 2_000_000_000,) * 2 + (1,)
 
 
-def test_the_metadata_is_there_from_the_start(tmp_path: Path) -> None:
+def test_a_file_of_mcap_says_itself_what_it_is_and_metadata_from_the_start(tmp_path: Path) -> None:
     files = BagFiles(tmp_path / "bag", RecordingOptions(), FACTS)
-    metadata = read_metadata(tmp_path / "bag")
-    assert metadata.custom == FACTS
-    assert [file.name for file in metadata.files] == ["bag_0.mcap"]
-    files.close()
-
-
-def test_a_file_of_mcap_says_itself_what_it_is(tmp_path: Path) -> None:
-    files = BagFiles(tmp_path / "bag", RecordingOptions(), FACTS)
+    described = read_metadata(tmp_path / "bag")
+    assert described.custom == FACTS
+    assert [file.name for file in described.files] == ["bag_0.mcap"]
     files.add(TOPICS[1])
     files.write(TOPICS[1], START, b"")
     files.close()
@@ -130,20 +118,35 @@ def test_a_file_of_mcap_says_itself_what_it_is(tmp_path: Path) -> None:
     assert "vinyl: #1" in metadata.metadata["serialized_metadata"]
 
 
-def test_where_no_other_file_can_be_made_the_recording_goes_on(tmp_path: Path) -> None:
-    files = BagFiles(tmp_path / "bag", RecordingOptions(), {})
+def one_file(bag: Path) -> BagFiles:
+    """Begin a bag with a message."""
+    files = BagFiles(bag, RecordingOptions(), {})
     files.add(TOPICS[0])
-    files.write(TOPICS[0], START, b"before")
+    files.write(TOPICS[0], START, b"one")
+    return files
+
+
+def two_files(bag: Path) -> BagFiles:
+    """Begin a bag with a message in each of two files."""
+    files = one_file(bag)
+    files.split()
+    files.write(TOPICS[0], START, b"two")
+    return files
+
+
+def content(file: Path) -> list[bytes]:
+    return [data for _, _, data in with_rosbags(file)]
+
+
+def test_where_no_other_file_can_be_made_the_recording_goes_on(tmp_path: Path) -> None:
+    files = one_file(tmp_path / "bag")
     (tmp_path / "bag" / "bag_1.mcap").touch()
     files.split()
     assert "cannot be split" in files.trouble
     files.write(TOPICS[0], START + 1, b"after")
     files.close()
     assert (files.written, files.lost, files.failure) == (2, 0, "")
-    assert [data for _, _, data in with_rosbags(tmp_path / "bag" / "bag_0.mcap")] == [
-        b"before",
-        b"after",
-    ]
+    assert content(tmp_path / "bag" / "bag_0.mcap") == [b"one", b"after"]
 
 
 def test_a_recording_without_metadata_has_failed(tmp_path: Path) -> None:
@@ -151,16 +154,6 @@ def test_a_recording_without_metadata_has_failed(tmp_path: Path) -> None:
     (tmp_path / "bag" / "metadata.yaml.tmp").mkdir()
     files.close()
     assert files.failure == "metadata.yaml cannot be written: Is a directory"
-
-
-def two_files(bag: Path) -> BagFiles:
-    """Begin a bag with a message in each of two files."""
-    files = BagFiles(bag, RecordingOptions(), {})
-    files.add(TOPICS[0])
-    files.write(TOPICS[0], START, b"one")
-    files.split()
-    files.write(TOPICS[0], START, b"two")
-    return files
 
 
 LOSSES: dict[str, Callable[[Path], object]] = {
@@ -194,8 +187,7 @@ def test_a_folder_that_is_lost_ends_the_recording(
     assert (sorted(bag.iterdir()) if bag.exists() else None) == left
     if saved:
         elsewhere = sorted((tmp_path / "elsewhere").glob("*.mcap"))
-        found = [data for file in elsewhere for _, _, data in with_rosbags(file)]
-        assert found == [b"one", b"two"]
+        assert [each for file in elsewhere for each in content(file)] == [b"one", b"two"]
 
 
 def test_messages_of_a_file_that_is_replaced_are_not_called_saved(tmp_path: Path) -> None:
@@ -211,9 +203,7 @@ def test_messages_of_a_file_that_is_replaced_are_not_called_saved(tmp_path: Path
 
 def test_a_file_that_is_renamed_is_named_with_its_messages(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
-    files = BagFiles(bag, RecordingOptions(), {})
-    files.add(TOPICS[0])
-    files.write(TOPICS[0], START, b"one")
+    files = one_file(bag)
     renamed = (bag / "bag_0.mcap").rename(bag / "kept.mcap.old")
     (bag / "bag_0.mcap").touch()
     files.close()

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -53,44 +54,48 @@ def test_any_bag_has_the_content_that_it_has_in_memory(
     rows += [message(HANDLE_ACCELERATION, START + n * MS, n) for n in handle]
     with TemporaryDirectory() as folder:
         path = write_messages(Path(folder) / "bag", rows)
-        (spool := Path(folder) / "spool").mkdir()
-        assert_same(spooled_bags(path, spool, most=most)[0], read_bag(path))
+        assert_same(spooled(path, most=most), read_bag(path))
 
 
-def spooled(tmp_path: Path, stamps: list[int], *, most: int = 400) -> tuple[Bag, Bag]:
-    """Return a bag with some stamps, from the disk and from memory."""
+def spooled(path: Path, progress: Callable[[float], object] | None = None, *, most: int) -> Bag:
+    (spool := path.parent / "spool").mkdir()
+    return spooled_bags(path, spool, progress, most=most)[0]
+
+
+def written(folder: Path, stamps: Iterable[int]) -> Path:
+    """Write a bag of samples with some stamps."""
     rows = [message(TOOL_ACCELERATION, stamp, n) for n, stamp in enumerate(stamps)]
     custom = {f"{PREFIX}arguments": '{"rate": 1000.0}'}
-    path = write_messages(tmp_path / "bag", rows, custom=custom)
-    (tmp_path / "spool").mkdir()
-    return spooled_bags(path, tmp_path / "spool", most=most)[0], read_bag(path)
+    return write_messages(folder / "bag", rows, custom=custom)
 
 
-def test_a_clock_that_was_set_back_between_two_parts_is_put_right(tmp_path: Path) -> None:
-    stamps = [START + n * MS for n in range(1000)]
-    found, whole = spooled(tmp_path, stamps[:500] + [each - 3000 * MS for each in stamps[500:]])
-    assert "set back" in whole.problems[0]
+def steady(count: int) -> list[int]:
+    return [START + n * MS for n in range(count)]
+
+
+@pytest.mark.parametrize(
+    ("stamps", "told"),
+    [
+        # Between two parts.
+        ([*steady(500), *(each + 500 * MS - 3000 * MS for each in steady(500))], "set back"),
+        # 0.1 % fast: each part of 400 samples drifts by 0.4 samples, the bag by 5.
+        ([START + round(n * 1.001 * MS) for n in range(5000)], "another rate than its samples"),
+    ],
+    ids=["set back", "drift"],
+)
+def test_what_is_wrong_with_a_clock_is_found_that_no_part_shows(
+    tmp_path: Path, stamps: list[int], told: str
+) -> None:
+    path = written(tmp_path, stamps)
+    found, whole = spooled(path, most=400), read_bag(path)
+    assert told in whole.problems[0]
     assert_same(found, whole)
 
 
-def test_a_slow_drift_of_the_clock_is_found_that_no_part_shows(tmp_path: Path) -> None:
-    # 0.1 % fast: each part of 400 samples drifts by 0.4 samples, the bag by 5.
-    found, whole = spooled(tmp_path, [START + round(n * 1.001 * MS) for n in range(5000)])
-    assert "another rate than its samples" in whole.problems[0]
-    assert_same(found, whole)
-
-
-def test_signals_are_read_from_the_disk(tmp_path: Path) -> None:
-    found, _ = spooled(tmp_path, [START + n * MS for n in range(1000)])
-    assert isinstance(found.signals[TOOL_ACCELERATION.name].values, np.memmap)
-
-
-def test_progress_reaches_the_end(tmp_path: Path) -> None:
-    rows = [message(TOOL_ACCELERATION, START + n * MS, n) for n in range(100)]
-    path = write_messages(tmp_path / "bag", rows)
+def test_signals_are_read_from_the_disk_and_progress_reaches_the_end(tmp_path: Path) -> None:
     shares: list[float] = []
-    (tmp_path / "spool").mkdir()
-    spooled_bags(path, tmp_path / "spool", shares.append, most=30)
+    found = spooled(written(tmp_path, steady(100)), shares.append, most=30)
+    assert isinstance(found.signals[TOOL_ACCELERATION.name].values, np.memmap)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
     assert len(shares) > 1
@@ -98,12 +103,10 @@ def test_progress_reaches_the_end(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("cut", [0.3, 0.9])
 def test_a_bag_that_was_cut_off_is_read_as_far_as_it_is_intact(tmp_path: Path, cut: float) -> None:
-    rows = [message(TOOL_ACCELERATION, START + n * MS, n) for n in range(9000)]
-    path = write_messages(tmp_path / "bag", rows)
+    path = written(tmp_path, steady(9000))
     (file,) = path.glob("*.mcap")
     data = file.read_bytes()
     file.write_bytes(data[: int(cut * len(data))])
-    (tmp_path / "spool").mkdir()
-    (found,), whole = spooled_bags(path, tmp_path / "spool", most=500), read_bag(path)
+    found, whole = spooled(path, most=500), read_bag(path)
     assert whole.problems
     assert_same(found, whole)

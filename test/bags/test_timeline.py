@@ -38,6 +38,16 @@ def after(share: float, by: int) -> Change:
     return change
 
 
+def placed(index: int, stamp: Callable[[int], int]) -> Change:
+    """Give a sample the stamp that a function makes of its own."""
+
+    def change(stamps: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+        stamps[index] = stamp(int(stamps[index]))
+        return stamps
+
+    return change
+
+
 @pytest.mark.parametrize("back", [0.001, 0.0123456, 0.5, 0.5004, 1.9, 3.0, 10.0, 3600.0])
 def test_a_clock_that_is_set_back_changes_no_order(back: float) -> None:
     found = made({"all": after(0.5, -round(back * SECOND))})
@@ -49,10 +59,7 @@ def test_a_clock_that_is_set_back_changes_no_order(back: float) -> None:
 
 
 def test_each_of_several_steps_is_followed() -> None:
-    def change(stamps: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
-        return after(0.75, -SECOND)(after(0.25, -2 * SECOND)(stamps))
-
-    found = made({"all": change})
+    found = made({"all": lambda stamps: after(0.75, -SECOND)(after(0.25, -2 * SECOND)(stamps))})
     assert found.chosen["tool"].tolist() == list(range(SAMPLES))
     assert len(found.notes) == 2
 
@@ -73,11 +80,7 @@ def test_a_topic_with_a_clock_of_its_own_is_left_out_from_its_step_on() -> None:
 @pytest.mark.parametrize("index", [0, 1, 1234, SAMPLES - 1])
 @pytest.mark.parametrize("stamp", [0, START + SECOND // 4, START - 9**18, 2**62])
 def test_a_stamp_far_from_its_neighbours_is_left_out(index: int, stamp: int) -> None:
-    def change(stamps: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
-        stamps[index] = stamp
-        return stamps
-
-    found = made({"tool": change})
+    found = made({"tool": placed(index, lambda _: stamp)})
     assert len(found.notes) == 1
     for name in ("handle", "force"):
         assert len(found.stamps[name]) == SAMPLES
@@ -97,11 +100,8 @@ def test_samples_of_a_slewed_clock_are_counted(rate: float) -> None:
 
 @pytest.mark.parametrize("share", [0.05, 0.3, 0.49, 0.51, 0.95])
 def test_a_last_message_beside_the_grid_is_no_slewed_clock(share: float) -> None:
-    def change(stamps: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
-        stamps[-1] = stamps[-2] + round(share * PERIOD)
-        return stamps
-
-    assert made({"tool": change}).notes == []
+    beside = placed(-1, lambda last: last - PERIOD + round(share * PERIOD))
+    assert made({"tool": beside}).notes == []
 
 
 def test_gaps_and_jitter_stay_as_they_are() -> None:
@@ -117,22 +117,15 @@ def test_gaps_and_jitter_stay_as_they_are() -> None:
 
 @pytest.mark.parametrize("by", [-PERIOD, -2 * PERIOD, 0])
 def test_a_message_that_is_sent_again_costs_no_other(by: int) -> None:
-    def change(stamps: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
-        stamps[1000] += by
-        return stamps
-
-    found = made({"force": change})
+    found = made({"force": placed(1000, lambda stamp: stamp + by)})
     doubled = {1000 + by // PERIOD} - {1000}
     assert set(range(SAMPLES)) - set(found.chosen["force"].tolist()) == doubled
     assert len(found.notes) == len(doubled)
 
 
 def test_a_step_and_a_message_sent_again_are_told_apart() -> None:
-    def change(stamps: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
-        stamps[1000] -= PERIOD
-        return after(0.5, -3 * SECOND)(stamps)
-
-    found = made({"force": change, "all": after(0.5, -3 * SECOND)})
+    step, again = after(0.5, -3 * SECOND), placed(1000, lambda stamp: stamp - PERIOD)
+    found = made({"force": lambda stamps: step(again(stamps)), "all": step})
     assert [len(found.chosen[name]) for name in ("tool", "handle", "force")] == [4000, 4000, 3999]
     assert [line[:24] for line in found.notes] == [
         "its clock was set back b",

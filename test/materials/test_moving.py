@@ -135,11 +135,7 @@ def test_a_scene_that_moves_is_not_changed_into_another(path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        (
-            "floor: {",
-            "flor: {",
-            r":2: .*geom flor: must be one of floor, wall.*did you mean floor",
-        ),
+        ("floor: {", "flor: {", ":2: .*geom flor: must be one of .*did you mean floor"),
         ("world.xml", "none.xml", ":2: .*must be MJCF that MuJoCo reads"),
         ("{tap:", "{stiffness: 3.0, tap:", ":4: .*stiffness: unknown"),
         ("{material: wood}", "{shape: box, material: wood}", ":6: .*shape: unknown"),
@@ -154,7 +150,5 @@ def test_a_wrong_file_is_refused(path: Path, old: str, new: str, words: str) -> 
 
 def test_without_mujoco_it_is_asked_for(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(
-        ParameterError, match=r"needs MuJoCo: pip install 'haptic_accel\[mujoco\]'"
-    ):
+    with pytest.raises(ParameterError, match=r"pip install 'haptic_accel\[mujoco\]'"):
         read_scene(path)

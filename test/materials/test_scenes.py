@@ -83,25 +83,10 @@ def test_a_scene_is_told_from_a_surface(file: Path) -> None:
         ("friction: 0.2", "fricton: 0.2", 5, "materials.wood.fricton: unknown (did you mean"),
         ("decay: 90.0", "decay: 0.0", 7, "materials.wood.tap.0.decay = 0.0: must be above 0"),
         ("- {freq", "{freq", 6, "materials.wood.tap = {'frequency'"),
-        (
-            "shape: plane",
-            "shape: plain",
-            10,
-            "objects.bench.shape = 'plain': must be one of plane",
-        ),
-        (
-            "material: wood\n  box",
-            "material: oak\n  box",
-            11,
-            "objects.bench.material = 'oak': must",
-        ),
+        ("shape: plane", "shape: plain", 10, "objects.bench.shape = 'plain': must be one of"),
+        ("wood\n  box", "oak\n  box", 11, "objects.bench.material = 'oak': must"),
         ("height: 0.03", "radius: 0.03", 15, "objects.box.radius: unknown"),
-        (
-            "[-0.05, 0.0, 0.0]",
-            "[0.0, 0.0]",
-            16,
-            "objects.box.position = [0.0, 0.0]: must be three",
-        ),
+        ("[-0.05, 0.0, 0.0]", "[1, 0]", 16, "objects.box.position = [1, 0]: must be three"),
         ("-0.05", "-50.0", 16, "objects.box.position.0 = -50.0: must be from -10 to 10 m"),
         ("start: [0.0", "start: [.nan", 1, "start.0 = "),
         ("    tap:", "    texture: slate\n    tap:", 6, "materials.wood.texture = 'slate'"),
@@ -152,9 +137,7 @@ def test_a_scene_plays_recorded_taps(tmp_path: Path) -> None:
     tap.strike(0.2)
     assert [tap.synthesize() for _ in range(3)] == pytest.approx([3.0, -4.0, 0.0])
     (tmp_path / "oak.npz").unlink()
-    with pytest.raises(
-        ParameterError, match=rf"^{scene}:1: .*oak.npz: must be a readable file: No such file"
-    ):
+    with pytest.raises(ParameterError, match=rf"^{scene}:1: .*oak.npz: must be a readable file"):
         read_scene(scene)
 
 
@@ -184,14 +167,22 @@ TRIANGLES = [triangle for a, b, c, d in FACES for triangle in ((a, b, c), (a, c,
 MILLIMETRES = Sampling(spacing=2e-3, scale=1e-3)
 
 
-@pytest.fixture
-def brick(tmp_path: Path) -> Path:
-    lines = [f"v {x} {y} {z}" for x, y, z in CORNERS]
-    for a, b, c, d in FACES:
-        lines += [f"f {a + 1} {b + 1} {c + 1}", f"f {a + 1} {c + 1} {d + 1}"]
-    path = tmp_path / "brick.obj"
+Body = tuple[list[tuple[float, float, float]], list[tuple[int, int, int]]]
+
+
+def write_bodies(path: Path, *bodies: Body) -> Path:
+    lines, count = [], 0
+    for corners, triangles in bodies:
+        lines += [f"v {x} {y} {z}" for x, y, z in corners]
+        lines += ["f " + " ".join(str(count + index + 1) for index in each) for each in triangles]
+        count += len(corners)
     path.write_text("\n".join(lines))
     return path
+
+
+@pytest.fixture
+def brick(tmp_path: Path) -> Path:
+    return write_bodies(tmp_path / "brick.obj", (CORNERS, TRIANGLES))
 
 
 def test_a_mesh_is_the_solid_that_it_encloses(
@@ -254,7 +245,6 @@ def test_wrong_heights_are_refused(tmp_path: Path, damage: bytes | str) -> None:
         read_heights(path, Sampling())
 
 
-Body = tuple[list[tuple[float, float, float]], list[tuple[int, int, int]]]
 TINY = Sampling(spacing=1e-3, scale=1e-3)
 
 
@@ -265,16 +255,6 @@ def box_of(low: float, high: float, inwards: bool = False, side: float = 5.0) ->
         for x, y, z in CORNERS
     ]
     return corners, [each[::-1] if inwards else each for each in TRIANGLES]
-
-
-def write_bodies(path: Path, *bodies: Body) -> Path:
-    lines, count = [], 0
-    for corners, triangles in bodies:
-        lines += [f"v {x} {y} {z}" for x, y, z in corners]
-        lines += ["f " + " ".join(str(count + index + 1) for index in each) for each in triangles]
-        count += len(corners)
-    path.write_text("\n".join(lines))
-    return path
 
 
 def is_inside(grid: DistanceGrid, *along_x: float) -> list[bool]:
@@ -315,15 +295,22 @@ def joined(one: Body, other: Body) -> Body:
     return [*one[0], *other[0]], [*one[1][1:], *moved, *tube]
 
 
-def test_faces_that_contradict_each_other_are_refused(tmp_path: Path) -> None:
+MIXED = box_of(0, 20)[0], [TRIANGLES[0][::-1], *TRIANGLES[1:]]
+
+
+@pytest.mark.parametrize(
+    ("bodies", "words"),
+    [
+        ([box_of(0, 20), box_of(30, 36, inwards=True)], "the faces of a body .* are inwards"),
+        ([MIXED], "faces beside each other face inwards"),
+        ([joined(box_of(0, 20), box_of(10, 30))], ".*the surface intersects itself"),
+    ],
+    ids=["apart", "mixed", "crossed"],
+)
+def test_faces_that_contradict_each_other_are_refused(
+    tmp_path: Path, bodies: list[Body], words: str
+) -> None:
     pytest.importorskip("trimesh")
-    apart = write_bodies(tmp_path / "a.obj", box_of(0, 20), box_of(30, 36, inwards=True))
-    with pytest.raises(ParameterError, match=rf"^{apart}: the faces of a body .* are inwards"):
-        read_mesh(apart, TINY)
-    corners, triangles = box_of(0, 20)
-    mixed = write_bodies(tmp_path / "b.obj", (corners, [triangles[0][::-1], *triangles[1:]]))
-    with pytest.raises(ParameterError, match=rf"^{mixed}: faces beside each other face inwards"):
-        read_mesh(mixed, TINY)
-    crossed = write_bodies(tmp_path / "c.obj", joined(box_of(0, 20), box_of(10, 30)))
-    with pytest.raises(ParameterError, match=rf"^{crossed}: .*the surface intersects itself"):
-        read_mesh(crossed, TINY)
+    path = write_bodies(tmp_path / "a.obj", *bodies)
+    with pytest.raises(ParameterError, match=rf"^{path}: {words}"):
+        read_mesh(path, TINY)
