@@ -8,6 +8,7 @@ from __future__ import annotations
 import struct
 import time
 import warnings
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
@@ -30,6 +31,13 @@ from running import wait_until
 START = 1_800_000_000 * NANOSECONDS
 RATE = 1000.0
 MILLISECOND = NANOSECONDS // 1000
+
+
+def put(values: Iterable[float], *rings: windows.Ring, first: int = 0) -> None:
+    """Put one value a millisecond into rings."""
+    for index, value in enumerate(values, first):
+        for ring in rings:
+            ring.put(START + index * MILLISECOND, value)
 
 
 @given(
@@ -63,8 +71,7 @@ def test_who_keeps_up_gets_every_sample_once_and_in_order(
 @given(st.integers(0, 200), st.floats(0.0, 0.3))
 def test_the_last_seconds_end_with_the_newest_sample(samples: int, seconds: float) -> None:
     ring = windows.Ring(1000)
-    for index in range(samples):
-        ring.put(START + index * MILLISECOND, index)
+    put(range(samples), ring)
     stamps, values = ring.last(seconds)
     expected = min(samples, int(seconds * NANOSECONDS) // MILLISECOND + 1)
     assert values.tolist() == list(range(samples - expected, samples))
@@ -73,10 +80,8 @@ def test_the_last_seconds_end_with_the_newest_sample(samples: int, seconds: floa
 
 def test_after_a_clock_was_set_back_only_what_came_since_counts() -> None:
     ring = windows.Ring(1000)
-    for stamp in (START, START + MILLISECOND):
-        ring.put(stamp, 1.0)
-    for index in range(100):
-        ring.put(START - 100 * NANOSECONDS + index * MILLISECOND, 2.0)
+    put([1.0] * 2, ring)
+    put([2.0] * 100, ring, first=-100_000)
     _, values = ring.last(0.05)
     assert values.tolist() == [2.0] * 51
 
@@ -111,14 +116,8 @@ def test_pairs_are_those_of_equal_ticks_shifted(
         off = jitter.integers(-20_000, 20_000, len(ticks))
         return START + np.array(ticks, np.int64) * MILLISECOND + off
 
-    first, second = windows.paired(
-        stamps(desired),
-        np.array(desired, float),
-        stamps(actual),
-        np.array(actual, float),
-        shift,
-        RATE,
-    )
+    signals = stamps(desired), np.array(desired, float), stamps(actual), np.array(actual, float)
+    first, second = windows.paired(*signals, shift, RATE)
     expected = [tick for tick in desired if tick + shift in actual]
     assert first.tolist() == expected
     assert second.tolist() == [tick + shift for tick in expected]
@@ -232,8 +231,7 @@ def test_a_sample_waits_for_the_force_that_acts_with_it() -> None:
 
 def test_without_a_compensator_travel_is_derived_without_force() -> None:
     made = windows.Windows()
-    for index in range(1000):
-        made.handle.put(START + index * MILLISECOND, 9.81)
+    put([9.81] * 1000, made.handle)
     made.advance()
     # The static sag of the actuator on its spring, m_a g / k_s.
     assert made.travel.last(0.0)[1] == pytest.approx(-0.018 * 9.81 / 266.0, rel=1e-2)
@@ -248,9 +246,8 @@ def test_a_tool_that_touches_nothing_has_no_error() -> None:
 
 def test_a_handle_that_shakes_by_itself_is_told_though_the_tool_touches_nothing() -> None:
     made = windows.Windows()
-    for index in range(4000):
-        made.desired.put(START + index * MILLISECOND, 0.0)
-        made.handle.put(START + index * MILLISECOND, np.sin(2 * np.pi * 150 * index / RATE))
+    put([0.0] * 4000, made.desired)
+    put(np.sin(2 * np.pi * 150 * np.arange(4000) / RATE), made.handle)
     values = made.metrics().values
     assert "nrmse_percent" not in values
     assert values["indistinguishable_percent"] < 1.0
@@ -259,18 +256,15 @@ def test_a_handle_that_shakes_by_itself_is_told_though_the_tool_touches_nothing(
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
 def test_what_is_not_finite_is_no_metric_and_passes(bad: float) -> None:
     made, _, _ = filled(1.0)
-    made.handle.put(START + 1000 * MILLISECOND, bad)
-    made.force.put(START + 1000 * MILLISECOND, 0.0)
+    put([bad], made.handle, first=1000)
+    put([0.0], made.force, first=1000)
     with np.errstate(all="ignore"):
         made.advance()
         assert "nrmse_percent" not in made.metrics().values
-    for index in range(1001, 9000):
-        made.handle.put(START + index * MILLISECOND, 0.0)
-        made.force.put(START + index * MILLISECOND, 0.0)
+    put([0.0] * 7999, made.handle, made.force, first=1001)
     with np.errstate(all="ignore"):
         made.advance()
-    made.handle.put(START + 9000 * MILLISECOND, 0.0)
-    made.force.put(START + 9000 * MILLISECOND, 0.0)
+    put([0.0], made.handle, made.force, first=9000)
     made.advance()
     assert np.isfinite(made.actual.last(0.0)[1]).all()
     assert np.isfinite(made.travel.last(0.0)[1]).all()
@@ -318,32 +312,29 @@ def test_frames_join_to_the_signals() -> None:
 
 def test_who_comes_late_gets_the_longest_window_and_no_more() -> None:
     made = windows.Windows()
-    for index in range(int(3 * windows.LONGEST_WINDOW * RATE)):
-        made.desired.put(START + index * MILLISECOND, 0.0)
+    put([0.0] * int(3 * windows.LONGEST_WINDOW * RATE), made.desired)
     frame = read_frame(Cursor(made).frame() or b"")
     assert len(frame["desired"][0]) == windows.LONGEST_WINDOW * RATE + 1
 
 
 def test_a_signal_is_sent_from_when_it_is_chosen_until_it_is_not() -> None:
     made, _, _ = filled(0.1)
-    for index in range(10):
-        made.position.put(START + index * MILLISECOND, index)
+    put(range(10), made.position)
     cursor = Cursor(made)
     assert len(read_frame(cursor.frame() or b"")["position"][1]) == 0
     cursor.choose(["position"])
-    made.position.put(START + 10 * MILLISECOND, 10.0)
+    put([10.0], made.position, first=10)
     assert read_frame(cursor.frame() or b"")["position"][1].tolist() == [10.0]
     cursor.choose([])
-    made.position.put(START + 11 * MILLISECOND, 11.0)
+    put([11.0], made.position, first=11)
     assert cursor.frame() is None
 
 
 def test_another_axis_comes_with_all_of_the_longest_window() -> None:
     made = windows.Windows()
     made.show_axes(Axes(("x", "z")))
-    for index in range(100):
-        for place, one in enumerate(made.by_axis.values()):
-            one.desired.put(START + index * MILLISECOND, 1000.0 * place + index)
+    for place, one in enumerate(made.by_axis.values()):
+        put(1000.0 * place + np.arange(100), one.desired)
     cursor = Cursor(made)
     for asked, axis, first in ([], 2, 1000.0), (["axis_x"], 0, 0.0), (["axis_y"], 2, 1000.0):
         cursor.choose(asked)
@@ -455,13 +446,10 @@ def test_time_that_is_left_out_is_not_compared_and_no_time_for_a_new_controller(
     made.leave_out(5 * NANOSECONDS)
     assert {"nrmse_percent", "lowest_percent"}.isdisjoint(made.metrics().values)
 
-    def feed(first: int, last: int) -> None:
-        for index in range(first, last):
-            for ring in (made.desired, made.handle, made.force):
-                ring.put(START + index * MILLISECOND, np.sin(index))
-
-    feed(9000, 9500)  # the stamps go on 5 s later, while the new controller only listens
+    rings = made.desired, made.handle, made.force
+    # The stamps go on 5 s later, while the new controller only listens.
+    put(np.sin(np.arange(500)), *rings, first=9000)
     assert "rms_desired" not in made.metrics().values
-    feed(9500, 10500)
+    put(np.sin(np.arange(1000)), *rings, first=9500)
     assert "nrmse_percent" in made.metrics().values
     assert "lowest_percent" not in made.metrics().values, "that of before the gap"

@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 
 import numpy as np
 import pytest
@@ -52,6 +53,28 @@ def run(rig: MasterRig, first: int, last: int) -> list[float]:
         rig.advance(index * PERIOD)
         energies.append(rig.energy())
     return energies
+
+
+def accelerations(
+    rig: MasterRig, ticks: Iterable[int], rate: float = RATE, forces: Iterable[float] = ()
+) -> list[float]:
+    """Return what the accelerometer reads at ticks, after each of which a force may follow."""
+    found = []
+    for index, command in zip_longest(ticks, forces):
+        rig.advance(index / rate)
+        found.append(rig.measure().acceleration[ACTUATOR_AXIS])
+        if command is not None:
+            rig.apply_actuator_force(along_actuator(command))
+    return found
+
+
+def travels(rig: MasterRig, samples: int, rate: float = RATE) -> list[float]:
+    """Return the travel at each of some samples, m."""
+    found = []
+    for index in range(samples):
+        rig.advance(index / rate)
+        found.append(rig.travel)
+    return found
 
 
 # The handle's dynamics
@@ -109,11 +132,7 @@ def test_the_handle_follows_eq_3_behind_hold_and_low_pass(
     force = sum(
         0.1 * np.sin(2 * math.pi * f * time + phase**2) for phase, f in enumerate(frequencies)
     )
-    measured = []
-    for index, command in enumerate(np.tile(force, 3).tolist()):
-        rig.advance(index / rate)
-        measured.append(rig.measure().acceleration[ACTUATOR_AXIS])
-        rig.apply_actuator_force(along_actuator(command))
+    measured = accelerations(rig, range(3 * count), rate, np.tile(force, 3).tolist())
     # The third second: the slowest mode has decayed by more than 1e-20.
     gain = np.fft.rfft(measured[-count:]) / np.fft.rfft(force)
     for frequency in frequencies:
@@ -150,12 +169,7 @@ def test_two_modes_are_transmitted_in_series_or_in_parallel(
     gains = []
     for mount, other in ((first, second), (MountParameters(), ModeParameters())):
         rig = MasterRig(replace(ideal_master, mount=mount, second=other), rate)
-        measured = []
-        for index in range(8000):
-            rig.advance(index / rate)
-            measured.append(rig.measure().acceleration[ACTUATOR_AXIS])
-            rig.apply_actuator_force(along_actuator(1.0 if index == 0 else 0.0))
-        gains.append(np.fft.rfft(measured))
+        gains.append(np.fft.rfft(accelerations(rig, range(8000), rate, [1.0, 0.0])))
     for frequency in (40, 100, 140, 180, 205, 250):
         of_first = transmitted(frequency, first.frequency, first.damping) if first.frequency else 1
         of_second = transmitted(frequency, second.frequency, second.damping)
@@ -186,10 +200,7 @@ def test_another_mount_changes_the_ringing_and_nothing_jumps(
     rig.change_mount(MountParameters(200.0, 0.01))
     assert rig.measure().acceleration[ACTUATOR_AXIS] == before
     assert rig.travel == travel
-    rung = []
-    for index in range(51, 551):
-        rig.advance(index * PERIOD)
-        rung.append(rig.measure().acceleration[ACTUATOR_AXIS])
+    rung = accelerations(rig, range(51, 551))
     assert np.argmax(np.abs(np.fft.rfft(rung))) * RATE / len(rung) == pytest.approx(200.0, abs=4.0)
 
 
@@ -286,9 +297,13 @@ def test_undamped_stops_give_back_what_they_took() -> None:
     assert max(energies) < 1.15 * energies[0]
 
 
-def test_at_rest_it_stays_at_rest(ideal_master: MasterRigParameters) -> None:
+@pytest.mark.parametrize("force", [0.0, math.nan])
+def test_at_rest_it_stays_at_rest_and_nan_is_no_force(
+    ideal_master: MasterRigParameters, force: float
+) -> None:
     rig = MasterRig(ideal_master, RATE)
-    rig.apply_arm_force((0.0, 0.0, 0.0))
+    rig.apply_actuator_force(along_actuator(force))
+    rig.apply_arm_force((force, force, force))
     assert max(run(rig, 0, 100)) == 0.0
     assert rig.measure().position == (0.0, 0.0, 0.0)
 
@@ -307,10 +322,7 @@ def test_full_force_overruns_the_stops_by_little(
 ) -> None:
     rig = MasterRig(ideal_master, 10e3)
     rig.apply_actuator_force(along_actuator(force))
-    deepest = 0.0
-    for index in range(2000):
-        rig.advance(index * 1e-4)
-        deepest = max(deepest, abs(rig.travel))
+    deepest = max(map(abs, travels(rig, 2000, 10e3)))
     # The force's work over the free travel at the most; 1.5 mm.
     assert 3.8e-3 < deepest < 3.8e-3 + overrun(6.6 * 3.8e-3, 6.6)
     # In the end the stop holds what the centring spring does not.
@@ -419,13 +431,6 @@ def test_commands_have_the_converter_s_steps(
     assert rig.travel == pytest.approx(-steps * step / 266.0, abs=1e-12)
 
 
-def test_nan_takes_the_forces_off(ideal_master: MasterRigParameters) -> None:
-    rig = MasterRig(ideal_master, RATE)
-    rig.apply_actuator_force(along_actuator(math.nan))
-    rig.apply_arm_force((math.nan, math.nan, math.nan))
-    assert max(run(rig, 0, 100)) == 0.0
-
-
 def test_release_takes_all_forces_off(ideal_master: MasterRigParameters) -> None:
     rig = MasterRig(ideal_master, RATE)
     rig.apply_actuator_force(along_actuator(1.0))
@@ -522,10 +527,7 @@ def test_dry_friction_stops_a_small_swing_away_from_the_middle() -> None:
     free = replace(STILL.handle, b_s=0.0, m_h=1e3, k_u=0.0, b_u=0.0)
     rig = MasterRig(replace(STILL, handle=free, drive=drive), RATE)
     rig.disturb(actuator_velocity=0.1)
-    amplitudes = []
-    for index in range(400):
-        rig.advance(index * PERIOD)
-        amplitudes.append(abs(rig.travel))
+    amplitudes = [abs(each) for each in travels(rig, 400)]
     # Up to the first turn, kinetic energy goes into the spring and into friction.
     k_s, m_a, force, velocity = 266.0, 0.018, 0.1, 0.1
     first = (math.sqrt(force**2 + k_s * m_a * velocity**2) - force) / k_s
@@ -567,9 +569,7 @@ def test_a_handle_held_against_gravity_is_at_rest_and_its_sensor_tells_gravity(
     assert before == pytest.approx(-0.018 * 6.9 / 266)
     assert rig.measure().acceleration[ACTUATOR_AXIS] == pytest.approx(6.9, abs=1e-6)
     rig.disturb()
-    for index in range(200):
-        rig.advance(index * PERIOD)
-        assert rig.measure().acceleration[ACTUATOR_AXIS] == pytest.approx(6.9, abs=1e-6)
+    assert accelerations(rig, range(200)) == pytest.approx([6.9] * 200, abs=1e-6)
     assert rig.travel == pytest.approx(before, abs=1e-9)
 
 
@@ -637,9 +637,7 @@ def test_whatever_is_physically_possible_runs(
     handle: HandleParameters, mount: MountParameters, drive: DriveParameters, rate: float
 ) -> None:
     rig = MasterRig(replace(STILL, handle=handle, mount=mount, drive=drive), rate)
-    for index in range(100):
-        rig.advance(index / rate)
-        rig.apply_actuator_force(along_actuator(1.0 if index % 20 < 10 else -1.0))
+    accelerations(rig, range(100), rate, ([1.0] * 10 + [-1.0] * 10) * 5)
     # 1 N on the lightest mass for 0.5 s, and springs that can give back what they got.
     assert rig.energy() < 1e3
     assert math.isfinite(rig.measure().acceleration[ACTUATOR_AXIS])
