@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
@@ -30,6 +32,7 @@ from haptic_accel.core.tick import (
 
 RATE = 1000.0
 K_M, K_SL = 100.0, 50.0
+Clock = Callable[[], float]
 TRAVEL = 1e-4
 """Way of the slave from tick to tick, m."""
 
@@ -75,13 +78,13 @@ class Device:
 class Rig:
     """Both devices in a loop."""
 
-    def __init__(self, latency: int = 1) -> None:
+    def __init__(self, latency: int = 1, clock: Clock | None = None) -> None:
         self.master, self.slave = Device(), Device(TRAVEL)
-        self.failed: list[str] = []
+        self.failed: list[tuple[str, type[Exception]]] = []
         limits = MasterSafetyParameters(hardware=ActuatorParameters())
         sides = {
-            MASTER: self._side(self.master, limits, latency, (ARM, ACTUATOR)),
-            SLAVE: self._side(self.slave, SafetyParameters(), latency, (ARM,)),
+            MASTER: self._side(self.master, limits, latency, (ARM, ACTUATOR), clock),
+            SLAVE: self._side(self.slave, SafetyParameters(), latency, (ARM,), clock),
         }
         engagement = Engagement(EngagementParameters(), now=0.0)
         for arm in sides:
@@ -101,16 +104,20 @@ class Rig:
             self.loop.step(tick)
 
     def _fail(self, arm: str, error: Exception) -> None:
-        self.failed.append(arm)
+        self.failed.append((arm, type(error)))
         self.loop.sides[arm].sampling = False
 
     @staticmethod
     def _side(
-        device: Device, limits: SafetyParameters, latency: int, kinds: tuple[str, ...]
+        device: Device,
+        limits: SafetyParameters,
+        latency: int,
+        kinds: tuple[str, ...],
+        clock: Clock | None,
     ) -> DeviceSide:
         safety = SafetyLayer(limits, RATE)
         safety.enable(0.0, True)
-        return DeviceSide(device, safety, RATE, latency, kinds=kinds)
+        return DeviceSide(device, safety, RATE, latency, kinds=kinds, clock=clock)
 
 
 @pytest.mark.parametrize("latency", [0, 1, 3])
@@ -171,12 +178,25 @@ def test_a_sample_that_comes_later_causes_its_forces_then() -> None:
     assert rig.compensation.without == 0
 
 
+def test_without_latency_a_late_sample_acts_at_the_time_by_the_clock() -> None:
+    now = 0.0
+    rig = Rig(latency=0, clock=lambda: now)
+    rig.steps(range(5))
+    rig.slave.there = False
+    now = 5 / RATE
+    rig.loop.step(5)
+    rig.slave.there = True
+    now = 7 / RATE
+    rig.loop.go_on()
+    assert rig.master.arm[-1] == (7, pytest.approx((0.0, 0.0, K_M * TRAVEL * 5)))
+
+
 def test_a_device_that_fails_ends_nothing_but_its_own_forces() -> None:
     rig = Rig()
     rig.steps(range(5))
     rig.slave.broken = True
     rig.steps(range(5, 10))
-    assert rig.failed == [SLAVE]
+    assert rig.failed == [(SLAVE, BrokenError)]
     assert [(sample.arm, sample.tick) for sample in rig.loop.samples] == [(0, 9)]
     assert rig.slave.arm[-1][0] == 4
     # The master is held by nobody, and let go.
