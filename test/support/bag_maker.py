@@ -166,10 +166,8 @@ def record_messages(
     """
     files = BagFiles(bag, options or RecordingOptions(), custom or {})
     kinds = {message.topic: message.kind for message in messages}
-    added = {
-        topic: connection(number, topic, kind, [])
-        for number, (topic, kind) in enumerate(kinds.items(), start=1)
-    }
+    numbered = enumerate(kinds.items(), start=1)
+    added = {topic: connection(number, topic, kind, []) for number, (topic, kind) in numbered}
     for each in added.values():
         files.add(each)
     for place, message in enumerate(messages):
@@ -224,15 +222,10 @@ class BagContent:
 
 def meta(controller: str, surface: str, *, seed: int = 0, rate: float = 1000.0) -> dict[str, Any]:
     """Return the recorder's metadata of a graph, as far as tests read it."""
+    given = {"controller": controller, "surface": surface, "seed": seed, "rate": rate}
     return {
         "version": "0.1.0",
-        "arguments": {
-            "controller": controller,
-            "surface": surface,
-            "seed": seed,
-            "rate": rate,
-            "grip": "average",
-        },
+        "arguments": {**given, "grip": "average"},
         "parameters": {
             "compensator": {"controller": controller, "high_pass_frequency": 15.0},
             "slave_device": {"simulated.surface.name": surface},
@@ -262,11 +255,8 @@ def write_bag(path: Path, content: BagContent, *, compressed: bool = False) -> P
     if content.arms:
         longest = max((len(values) for values in signals.values()), default=0)
         signals[topics.MASTER_ARM_FORCE] = np.full(longest, content.pull)
-    messages = [
-        message
-        for topic, values in signals.items()
-        for message in _samples(topic, values, content)
-    ]
+    samples = (_samples(topic, values, content) for topic, values in signals.items())
+    messages = [message for each in samples for message in each]
     for seconds, node, name, text in content.changes:
         moment = _moment(content, seconds)
         data = change_bytes(moment, f"/{node}", name, text)

@@ -36,9 +36,8 @@ def publisher(node: Node, recorded: Connection, name: str) -> Publisher:
             reliability=ReliabilityPolicy(offered.reliability.value),
             durability=DurabilityPolicy(offered.durability.value),
         )
-    return node.create_publisher(
-        message_type(Topic(name, recorded.msgtype, "", "")), name, profile
-    )
+    topic = Topic(name, recorded.msgtype, "", "")
+    return node.create_publisher(message_type(topic), name, profile)
 
 
 def main() -> None:
@@ -50,12 +49,8 @@ def main() -> None:
     with Reader(bag) as reader:
         wanted = [found for found in reader.connections if everything or found.topic in signals]
         messages = [(time, c.topic, data) for c, time, data in reader.messages(wanted)]
-    publishers = {
-        found.topic: publisher(
-            node, found, found.topic if everything else f"/{PLAYED}{found.topic}"
-        )
-        for found in wanted
-    }
+    names = {each.topic: each.topic if everything else f"/{PLAYED}{each.topic}" for each in wanted}
+    publishers = {each.topic: publisher(node, each, names[each.topic]) for each in wanted}
     deadline = time.monotonic() + PATIENCE
     while not all(each.get_subscription_count() for each in publishers.values()):
         if everything and time.monotonic() > deadline - PATIENCE + 1.0:

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import random
 import shutil
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -49,35 +50,21 @@ def write_small_bag(bag: Path, profile: str = "none") -> Path:
             said = diagnostics_bytes(0, "coupler", "OK", {"ticks": str(sample)})
             messages.append(Message("/diagnostics", DIAGNOSTICS.type, stamp, said))
             flush_after.append(len(messages) - 1)
-    record_messages(
-        bag,
-        messages,
-        options=RecordingOptions(storage_preset_profile=profile),
-        custom=custom_data(
-            json_text({"surface": "vinyl", "latency": 1}, {"coupler": {"k_m": 2.5}})
-        ),
-        flush_after=flush_after,
-    ).close()
+    options = RecordingOptions(storage_preset_profile=profile)
+    facts = json_text({"surface": "vinyl", "latency": 1}, {"coupler": {"k_m": 2.5}})
+    given = {"options": options, "custom": custom_data(facts), "flush_after": flush_after}
+    record_messages(bag, messages, **given).close()
     return bag / f"{bag.name}_0.mcap"
 
 
-def write_cut_off_bag(
-    bag: Path,
-    messages: Sequence[Message],
-    *,
-    options: RecordingOptions | None = None,
-    custom: Mapping[str, str] | None = None,
-    flush_after: Collection[int] = (),
-) -> Path:
+def write_cut_off_bag(bag: Path, messages: Sequence[Message], **given: Any) -> Path:
     """Write a bag as left by a recorder killed after the last message.
 
     Parameters are those of `record_messages`.
     """
     with TemporaryDirectory(dir=bag.parent) as folder:
         recorded = Path(folder) / bag.name
-        files = record_messages(
-            recorded, messages, options=options, custom=custom, flush_after=flush_after
-        )
+        files = record_messages(recorded, messages, **given)
         shutil.copytree(recorded, bag, copy_function=_copy_what_is_there)
         files.close()
     return bag
@@ -123,10 +110,9 @@ def places(file: Path, kind: int) -> list[int]:
 
 def content(bag: Bag) -> object:
     """Return all content that was read, for comparison."""
-    signals = {
-        name: (signal.stamps.tolist(), signal.received.tolist(), signal.values.tolist())
-        for name, signal in bag.signals.items()
-    }
+    found = bag.signals.items()
+    arrays = {name: (each.stamps, each.received, each.values) for name, each in found}
+    signals = {name: [each.tolist() for each in arrays[name]] for name in arrays}
     return signals, bag.diagnostics, bag.changes, bag.metadata, dict(bag.counts)
 
 

@@ -35,20 +35,8 @@ def array(values: Any) -> bytes:
     return file.getvalue()
 
 
-ODD_VALUES = (
-    "0",
-    "-1",
-    "1",
-    "2.5",
-    "60",
-    "9999",
-    "1e-300",
-    "1e300",
-    "1e999",
-    "9" * 400,
-    '"x"',
-    "",
-)
+ODD_NUMBERS = ("0", "-1", "1", "2.5", "60", "9999", "1e-300", "1e300", "1e999", "9" * 400)
+ODD_VALUES = (*ODD_NUMBERS, '"x"', "")
 ODD_ARRAYS: list[Any] = [
     *(np.nan, np.inf, 0, -1, 1e300, 5e-324, 2**63, True, "x", "\ud800", b"x", 1j, None),
     *([], [[]], [1.0], [0.1, 0.2], [0.2, 0.1], [np.nan] * 4, np.zeros((2, 0)), np.ones((4, 300))),
@@ -70,9 +58,8 @@ def revalued(draw: st.DrawFn, whole: bytes) -> bytes:
 @st.composite
 def other_arrays(draw: st.DrawFn, arrays: Mapping[str, Any]) -> bytes:
     """NPZ files in which a few arrays are others."""
-    others = draw(
-        st.dictionaries(st.sampled_from([*arrays]), st.sampled_from(ODD_ARRAYS), max_size=3)
-    )
+    odd = st.sampled_from(ODD_ARRAYS)
+    others = draw(st.dictionaries(st.sampled_from([*arrays]), odd, max_size=3))
     file = io.BytesIO()
     np.savez(file, **{**arrays, **others})
     return file.getvalue()

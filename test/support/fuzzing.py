@@ -24,41 +24,14 @@ from haptic_accel.core.parameters import ParameterError
 T = TypeVar("T", bytes, str)
 
 ODD_NUMBERS = (
-    "1_000",
     "\u0661\u0662",  # 12 in Arabic digits
     "\uff11\uff12",  # 12 in full-width digits
-    "\u00b2",
-    "\u22121",
-    "0x10",
-    "0b1",
-    "1j",
-    "1,5",
-    "1e",
-    "e5",
-    "--1",
-    "+",
-    ".",
-    "",
-    "nan",
-    "inf",
-    "-Infinity",
-    "1\u00a0",
-    "1\0",
-    "1" * 500 + "x",
+    *("1_000", "\u00b2", "\u22121", "0x10", "0b1", "1j", "1,5", "1e", "e5", "--1", "+", ".", ""),
+    *("nan", "inf", "-Infinity", "1\u00a0", "1\0", "1" * 500 + "x"),
 )
 """Texts that are no numbers in a file, though Python accepts some as numbers."""
 
-ODD_TEXTS = (
-    *ODD_NUMBERS,
-    "\ufeff",
-    "\x1b[2J",
-    "\u2028",
-    "\x85",
-    "a" * 3000,
-    "\U0001f600",
-    "[",
-    "{",
-)
+ODD_TEXTS = (*ODD_NUMBERS, "\ufeff", "\x1b[2J", "\u2028", "\x85", "\U0001f600", *"[{", "a" * 3000)
 """Texts that break parsers, and lines of output."""
 
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Generic, TypeAlias, TypeVar
+from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
 from hypothesis import strategies as st
@@ -174,9 +174,8 @@ def _write_metadata(bag: Path, entries: list[tuple[str, Path]], form: BagForm) -
     from haptic_accel.bags.metadata import Metadata, read_metadata
 
     parts = [read_metadata(path.parent) for _, path in entries]
-    files = [
-        replace(part.files[0], name=name) for (name, _), part in zip(entries, parts, strict=True)
-    ]
+    both = zip(entries, parts, strict=True)
+    files = [replace(part.files[0], name=name) for (name, _), part in both]
     if form.listed == "reversed":
         files.reverse()
     whole: Metadata = replace(parts[0], files=tuple(files))
@@ -211,6 +210,15 @@ def _stepped(form: BagForm, where: float, by: int) -> BagForm:
     return replace(form, messages=tuple(found))
 
 
+def _with(**fields: Any) -> Change[BagForm]:
+    """Return the change that gives a form some other fields."""
+    return lambda form, where, much: replace(form, **fields)
+
+
+def _renamed(form: BagForm, where: float, much: float) -> BagForm:
+    return replace(form, names=NAMES[min(len(NAMES) - 1, int(much * len(NAMES)))])
+
+
 def _slewed(form: BagForm, where: float, much: float) -> BagForm:
     """Let the clock run faster or slower by up to 0.1 % from a time on."""
     begin = form.messages[round(where * 0.5 * len(form.messages))].received
@@ -222,9 +230,8 @@ def _shuffled(form: BagForm, where: float, much: float) -> BagForm:
     """Write blocks of messages in another order."""
     blocks = np.array_split(np.arange(len(form.messages)), 2 + round(20 * much))
     order = np.random.default_rng(round(1e6 * where)).permutation(len(blocks))
-    return replace(
-        form, messages=tuple(form.messages[at] for block in order for at in blocks[block])
-    )
+    moved = (form.messages[at] for block in order for at in blocks[block])
+    return replace(form, messages=tuple(moved))
 
 
 def _by_topic(form: BagForm, where: float, much: float) -> BagForm:
@@ -270,28 +277,16 @@ NAMES = ("bag_{0}", "{0}_bag_2026_11_26-23_07_5{1}", "part{1}", "{1}", "bag_{1}_
 
 BAG_CHANGES: Mapping[str, Change[BagForm]] = {
     "split": lambda form, where, much: replace(form, splits=(*form.splits, where)),
-    "renamed": lambda form, where, much: replace(
-        form, names=NAMES[min(len(NAMES) - 1, int(much * len(NAMES)))]
-    ),
-    "listed in reverse": lambda form, where, much: replace(form, listed="reversed"),
-    "no metadata": lambda form, where, much: replace(form, listed="none"),
-    "compressed by file": lambda form, where, much: replace(
-        form, compression=CompressionMode.FILE
-    ),
-    "compressed by chunk": lambda form, where, much: replace(
-        form, storage=StoragePlugin.MCAP, compression=CompressionMode.STORAGE
-    ),
-    "other storage": lambda form, where, much: replace(
-        form, storage=StoragePlugin.SQLITE3, compression=CompressionMode.NONE
-    ),
-    "compressed by message": lambda form, where, much: replace(
-        form, compression=CompressionMode.MESSAGE
-    ),
-    "copy of a file": lambda form, where, much: replace(form, beside="copy"),
-    "file of another recording": lambda form, where, much: replace(form, beside="other"),
-    "clock off": lambda form, where, much: _moved(
-        form, lambda time: time + round((much - 0.5) * 1e17)
-    ),
+    "renamed": _renamed,
+    "listed in reverse": _with(listed="reversed"),
+    "no metadata": _with(listed="none"),
+    "compressed by file": _with(compression=CompressionMode.FILE),
+    "compressed by chunk": _with(storage=StoragePlugin.MCAP, compression=CompressionMode.STORAGE),
+    "other storage": _with(storage=StoragePlugin.SQLITE3, compression=CompressionMode.NONE),
+    "compressed by message": _with(compression=CompressionMode.MESSAGE),
+    "copy of a file": _with(beside="copy"),
+    "file of another recording": _with(beside="other"),
+    "clock off": lambda form, _, much: _moved(form, lambda at: at + round((much - 0.5) * 1e17)),
     "clock set back": lambda form, where, much: _stepped(form, where, -round(1 + much * 5e9)),
     "clock set forward": lambda form, where, much: _stepped(form, where, round(much * 5e9)),
     "clock slewed": _slewed,
@@ -301,7 +296,7 @@ BAG_CHANGES: Mapping[str, Change[BagForm]] = {
     "a stray stamp": _stray,
     "other names of topics": _below,
     "cut off": lambda form, where, much: replace(form, cut_off=much),
-    "no data of the recorder": lambda form, where, much: replace(form, custom={}),
+    "no data of the recorder": _with(custom={}),
 }
 """Changes of a bag's form."""
 
@@ -328,11 +323,8 @@ def _right_bag() -> BagForm:
     stated = bag_maker.meta("constant", "vinyl", rate=RATE)
     text = json.dumps(stated).encode() + b"\0"
     described = b"\0\1\0\0" + struct.pack("<I", len(text)) + text
-    messages = [
-        bag_maker.Message(
-            f"/{topics.DESCRIPTION.name}", bag_maker.STRING, bag_maker.START, described
-        )
-    ]
+    about = f"/{topics.DESCRIPTION.name}", bag_maker.STRING
+    messages = [bag_maker.Message(*about, bag_maker.START, described)]
     for place in range(SAMPLES):
         stamp = bag_maker.START + round(place * 1e9 / RATE)
         for topic, values in along.items():
@@ -340,9 +332,8 @@ def _right_bag() -> BagForm:
             messages.append(bag_maker.Message(f"/{topic.name}", topic.type, stamp, data))
         if place % 100 == 50:
             data = bag_maker.diagnostics_bytes(stamp, "compensator", "OK", {"samples": str(place)})
-            messages.append(
-                bag_maker.Message("/diagnostics", topics.DIAGNOSTICS.type, stamp, data)
-            )
+            kind = topics.DIAGNOSTICS.type
+            messages.append(bag_maker.Message("/diagnostics", kind, stamp, data))
         if place == SAMPLES - 1:
             data = bag_maker.change_bytes(stamp, f"/{SET[0]}", *SET[1:])
             messages.append(bag_maker.Message("/parameter_events", bag_maker.CHANGED, stamp, data))

@@ -52,9 +52,8 @@ class Processor(NamedTuple):
         return pytest.param(self, id=name, marks=pytest.mark.skipif(bool(missing), reason=reason))
 
 
-HOST = Processor(
-    ["g++", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"], [], [], "g++"
-)
+SANITIZED = ["g++", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+HOST = Processor(SANITIZED, [], [], "g++")
 # Processor, optimization and language as for a Teensy 4.0: teensy4/Makefile of its Arduino core,
 # https://github.com/PaulStoffregen/cores. The program's files are those of this machine.
 CORTEX_M7 = Processor(
@@ -84,9 +83,8 @@ def compiled(folder: Path, processor: Processor) -> list[str]:
 
 def run(program: list[str], identity: Identity, script: bytes) -> bytes:
     """Return what the program says to a script."""
-    done = subprocess.run(
-        program, input=identity.pack() + script, capture_output=True, timeout=PATIENCE
-    )
+    said = identity.pack() + script
+    done = subprocess.run(program, input=said, capture_output=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr.decode()
     return done.stdout
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -39,14 +40,10 @@ class Observer:
             if min(map(len, messages.values())) >= count and not enough.done():
                 enough.set_result(True)
 
+        subscribe = self.node.create_subscription
         subscriptions = [
-            self.node.create_subscription(
-                message_type(topic),
-                topic.name,
-                lambda message, name=topic.name: keep(name, message),
-                quality(topic, depth=1000),
-            )
-            for topic in topics
+            subscribe(message_type(each), each.name, partial(keep, each.name), quality(each, 1000))
+            for each in topics
         ]
         self.executor.spin_until_future_complete(enough, PATIENCE)
         for subscription in subscriptions:

@@ -57,10 +57,8 @@ def with_mcap(bag: Path) -> list[Row]:
             assert summary is not None
             assert summary.statistics is not None
             assert summary.statistics.message_count == entry.messages
-            rows += [
-                (channel.topic, message.log_time, message.data)
-                for _, channel, message in reader.iter_messages()
-            ]
+            found = reader.iter_messages()
+            rows += [(channel.topic, each.log_time, each.data) for _, channel, each in found]
     return rows
 
 

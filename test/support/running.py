@@ -24,7 +24,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from glob import glob
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from haptic_accel.graph.stop_signal import PENDING
 
@@ -147,6 +147,9 @@ class Command:
             self._news.notify_all()
 
 
+Start = Callable[..., Command]
+"""Starts a command with words."""
+
 ONE_BY_ONE = """
 import json, os, runpy, sys
 from importlib import import_module
@@ -242,6 +245,12 @@ class StallWatch:
             before = now
 
 
+def python(*words: object, **given: Any) -> subprocess.CompletedProcess[str]:
+    """Run ``python WORDS`` to its end, and return what it wrote."""
+    command = [sys.executable, *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, **given)
+
+
 @contextmanager
 def reserved_domain() -> Iterator[int]:
     """Yield a ROS domain that no other test or suite on this machine uses.
@@ -289,10 +298,8 @@ def free_ports() -> str:
     """Return HOST:PORT of this machine with two unused UDP ports in a row."""
     with ExitStack() as stack:
         while True:
-            one, two = (
-                stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-                for _ in range(2)
-            )
+            both = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
+            one, two = map(stack.enter_context, both)
             one.bind(("127.0.0.1", 0))
             port = one.getsockname()[1]
             try:
@@ -403,5 +410,4 @@ def limit_size(process: int, file: Path) -> None:
 def realtime_is_allowed() -> bool:
     """Return True where a process of this user may be real-time."""
     ask = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(40))"
-    command = subprocess.run([sys.executable, "-c", ask], capture_output=True, check=False)
-    return command.returncode == 0
+    return python("-c", ask).returncode == 0

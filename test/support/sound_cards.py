@@ -134,9 +134,8 @@ def sound_world(
     command = ["cc", "-O2", "-o", str(program), str(source), "-l:libjack.so.0"]
     with jack_card(outputs=2) as environment:
         subprocess.run(command, check=True)
-        with subprocess.Popen(
-            program, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        ) as world:
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+        with subprocess.Popen(program, env=environment, **pipes) as world:
             assert world.stdin
             assert world.stdout
             try:

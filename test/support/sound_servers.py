@@ -31,10 +31,8 @@ default-channel-map = front-left,front-right,rear-left,rear-right
 SPEAKERS, CONTROLLER = "speakers", "controller"
 """Names of outputs with two and four channels; the first is the default."""
 
-CHANNELS = {
-    SPEAKERS: "front-left,front-right",
-    CONTROLLER: "front-left,front-right,rear-left,rear-right",
-}
+FRONT = "front-left,front-right"
+CHANNELS = {SPEAKERS: FRONT, CONTROLLER: f"{FRONT},rear-left,rear-right"}
 """Channels of each output: another order in a recording would mix them."""
 
 
@@ -70,9 +68,8 @@ class SoundServer:
         ]
         loaded = [word for module in modules for word in ("-L", module)]
         own = ["--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no"]
-        self._process = subprocess.Popen(
-            ["pulseaudio", "-n", *own, *loaded], env=self.environment, stderr=subprocess.DEVNULL
-        )
+        words = ["pulseaudio", "-n", *own, *loaded]
+        self._process = subprocess.Popen(words, env=self.environment, stderr=subprocess.DEVNULL)
         while not self.ask("info"):
             assert self._process.poll() is None, "pulseaudio has ended"
             time.sleep(0.05)

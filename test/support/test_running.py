@@ -22,14 +22,10 @@ TESTS = HERE.parent
 
 
 def test_a_domain_is_given_once_also_to_other_processes() -> None:
-    script = (
-        "from running import reserved_domain as r\nwith r() as n: print(n, flush=True); input()"
-    )
+    script = "from running import reserved_domain as r\nwith r() as n: print(n, flush=1); input()"
     words = [sys.executable, "-c", script]
-    others = [
-        subprocess.Popen(words, cwd=HERE, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        for _ in range(2)
-    ]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    others = [subprocess.Popen(words, cwd=HERE, **pipes) for _ in range(2)]
     with reserved_domain() as first, reserved_domain() as second:
         numbers = [int(other.stdout.readline()) for other in others if other.stdout]
         assert len({first, second, *numbers}) == 4
@@ -94,9 +90,8 @@ def suite(
     (folder / "test_small.py").write_text(content or SUITE.format(**values))
     (folder / "conftest.py").write_text((TESTS / "conftest.py").read_text())
     settings = (TESTS.parent / "pyproject.toml").read_text()
-    (folder / "pyproject.toml").write_text(
-        settings.replace('pythonpath = ["test/support"', f'pythonpath = ["{HERE}"')
-    )
+    own = settings.replace('pythonpath = ["test/support"', f'pythonpath = ["{HERE}"')
+    (folder / "pyproject.toml").write_text(own)
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *words, "test_small.py"]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
@@ -131,9 +126,7 @@ def test_that_is_stopped():
 def test_a_failure_beside_a_stall_is_run_again_and_listed_with_its_reason(tmp_path: Path) -> None:
     done = suite(tmp_path, content=STOPPED)
     assert done.returncode == 0, done.stdout
-    line = (
-        r"test_that_is_stopped: running.MachineStoodStillError: for \S+ s, beside: no sample came"
-    )
+    line = r"test_that_is_stopped: running.MachineStoodStillError: for \S+ s, beside: no sample"
     assert re.search(f"{line}$", done.stdout, re.MULTILINE), done.stdout
 
 

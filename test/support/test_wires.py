@@ -107,9 +107,8 @@ def test_a_cut_wire_carries_nothing_until_it_is_mended(wire: Wire) -> None:
 
 def test_the_hosts_reach_each_other_and_nobody_else(wire: Wire) -> None:
     for end in (0, 1):
-        routes = subprocess.run(
-            wire.inside(end, ["ip", "-json", "route"]), capture_output=True, text=True, check=True
-        )
+        words = wire.inside(end, ["ip", "-json", "route"])
+        routes = subprocess.run(words, capture_output=True, text=True, check=True)
         assert [route["dst"] for route in json.loads(routes.stdout)] == ["10.77.0.0/24"]
 
 

@@ -28,13 +28,10 @@ def plant(directions: FloatArray = DIRECTIONS, *, modes: bool = True) -> MatrixP
     """Return a plant with unequal axes and a coupling of -12 to -20 dB that lasts some samples."""
     grips = ((0.11, 1200.0, 9.0), (0.128, 1500.0, 11.0), (0.14, 1700.0, 12.0))
     mounts = ((250.0, 0.15), (287.0, 0.15), (320.0, 0.2)) if modes else ((0.0, 0.2),) * 3
+    handles = (HandleParameters(m_h=m_h, k_u=k_u, b_u=b_u) for m_h, k_u, b_u in grips)
     x, y, z = (
-        Plant(
-            handle=HandleParameters(m_h=m_h, k_u=k_u, b_u=b_u),
-            mount=MountParameters(*mount),
-            delay=3e-4,
-        )
-        for (m_h, k_u, b_u), mount in zip(grips, mounts, strict=True)
+        Plant(handle=handle, mount=MountParameters(*mount), delay=3e-4)
+        for handle, mount in zip(handles, mounts, strict=True)
     )
     coupling = np.zeros((3, 3, 6))
     coupling[:, :, 0] = directions
@@ -52,10 +49,8 @@ def moved(handle: MatrixPlant, force: FloatArray, friction: float = 0.0) -> Floa
             for p, each in zip(handle.axes, force.T, strict=True)
         ]
     )
-    caused = [
-        [signal.fftconvolve(own[coil], row[coil])[: len(force)] for coil in range(3)]
-        for row in handle.coupling
-    ]
+    pairs = [zip(own, row, strict=True) for row in handle.coupling]
+    caused = [[signal.fftconvolve(*each)[: len(force)] for each in pair] for pair in pairs]
     return np.asarray(np.sum(caused, axis=1).T)
 
 

@@ -37,12 +37,12 @@ def status_of(*words: object) -> int:
     raise AssertionError("the command did not exit")
 
 
-def output_of(*words: object) -> str:
-    """Run a command that is done, and return what it writes to stdout."""
+def output_of(*words: object, status: int = 0) -> str:
+    """Run a command that ends with a status, and return what it writes to stdout."""
     written = io.StringIO()
     with redirect_stdout(written):
-        status = status_of(*words)
-    assert status == 0, written.getvalue()
+        ended = status_of(*words)
+    assert ended == status, written.getvalue()
     return written.getvalue()
 
 
@@ -74,13 +74,13 @@ def next_words(text: str) -> list[bytes]:
     return done.stdout.split(b"\0")[:-1]
 
 
-def refusal(*words: object) -> str:
-    """Run a command that is refused, and return its one-line message."""
+def refusal(*words: object, status: int = 2) -> str:
+    """Run a command that is refused, or fails with a status; return its one-line message."""
     written = io.StringIO()
     with redirect_stderr(written):
-        status = status_of(*words)
+        ended = status_of(*words)
     text = written.getvalue()
-    assert status == 2, text
+    assert ended == status, text
     (line,) = text.splitlines()
     command, _, message = line.partition(": ")
     assert command == "haptic-accel"

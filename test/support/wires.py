@@ -84,12 +84,8 @@ class Wire:
     """
 
     def __init__(self, parameters: ChannelParameters = CARRIED, seed: int = 1) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, __file__, str(seed)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+        pipes: Any = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+        self.process = subprocess.Popen([sys.executable, __file__, str(seed)], **pipes)
         self._namespaces: list[int] = self._answer()
         self.change(parameters)
 
