@@ -108,14 +108,19 @@ def run_session(
 ) -> trials.SessionRecord:
     """Run a session without delays, from where its log ends; close the log."""
     with log:
-        begun = log.record
-        protocol = study.version(begun.digest)
-        session = Session(
-            protocol,
-            Plan(protocol, begun.seed, begun.row),
-            log,
-            rig or SimulatedRig(protocol),
-            participant or Scripted(study),
-            sleep=lambda _: None,
-        )
-        return session.run()
+        return make_session(study, log, participant, rig).run()
+
+
+def make_session(
+    study: Study,
+    log: Log,
+    participant: Scripted | None = None,
+    rig: trials.Rig | None = None,
+    more_seed: int = 0,
+) -> Session:
+    """Return a session without delays, from where its log ends; perhaps by another seed."""
+    begun = log.record
+    protocol = study.version(begun.digest)
+    plan = Plan(protocol, begun.seed + more_seed, begun.row)
+    rig, participant = rig or SimulatedRig(protocol), participant or Scripted(study)
+    return Session(protocol, plan, log, rig, participant, sleep=lambda _: None)

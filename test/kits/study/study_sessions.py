@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from kits.study.protocol_maker import make_protocol
 
-from haptic_accel.kits.study.protocol import Condition, Consent, Pair, Protocol, Value
+from haptic_accel.kits.study.protocol import Condition, Pair, Protocol, Value
 from haptic_accel.kits.study.trials import (
     CATCH,
     COMPLETE,
@@ -45,19 +45,14 @@ def protocol(task: str, **changes: Any) -> Protocol:
     """Return a study of controllers."""
     found: dict[str, Any] = {
         "title": "Compensated or not",
-        "task": task,
-        "question": "Which was it?",
         "graph": {"master": "pointer"},
         "factors": {"controller": ("none", "mass", "adaptive")},
         "conditions": (NONE, MASS, ADAPTIVE),
         "pairs": (Pair(NONE, ADAPTIVE), Pair(NONE, MASS)),
-        "consent": Consent("2026-1", "I take part."),
-        "instructions": "Feel both contacts.",
         "digest": "0123456789abcdef" * 4,
-        "source": Path("study.yaml"),
         "content": "title: Compensated or not\n",
     }
-    return Protocol(**found | changes)
+    return make_protocol(task, **found | changes)
 
 
 def presented(
@@ -65,19 +60,10 @@ def presented(
 ) -> PresentedStimulus:
     """Return a stimulus of two seconds."""
     rms = float(rng.uniform(2.0, 3.0))
-    return PresentedStimulus(
-        begin=begin,
-        end=begin + 2 * SECOND,
-        bag="bags/start_0",
-        rms=rms,
-        peak=4 * rms,
-        desired_rms=rms / 0.9,
-        error=error,
-        clipped=0.0,
-        late=0.1,
-        lost=0.0,
-        read_back={"controller": "adaptive"},
-    )
+    strength = {"rms": rms, "peak": 4 * rms, "desired_rms": rms / 0.9, "error": error}
+    flaws = {"clipped": 0.0, "late": 0.1, "lost": 0.0}
+    end, read_back = begin + 2 * SECOND, {"controller": "adaptive"}
+    return PresentedStimulus(begin, end, "bags/start_0", **strength, **flaws, read_back=read_back)
 
 
 def record(
@@ -118,10 +104,8 @@ def practised(trials: Sequence[PlannedTrial]) -> list[PlannedTrial]:
     """Return trials with a practice trial before and two catch trials after them."""
     kinds = [PRACTICE, *[MAIN] * len(trials), CATCH, CATCH]
     every = [trials[0], *trials, trials[0], trials[-1]]
-    return [
-        replace(trial, number=number, kind=kind)
-        for number, (trial, kind) in enumerate(zip(every, kinds, strict=True))
-    ]
+    numbered = enumerate(zip(every, kinds, strict=True))
+    return [replace(trial, number=place, kind=kind) for place, (trial, kind) in numbered]
 
 
 def paired(study: Protocol, repeats: int) -> list[PlannedTrial]:

@@ -145,7 +145,7 @@ def test_a_forger_of_both_files_changes_the_head_in_the_notebook(study: Study) -
     session = hashlib.sha256(lines_of(file)[0]).hexdigest()
     entries = [json.loads(line) for line in lines_of(journal)]
     forged = [
-        {**each, "head": head} if each.get("session") == session else each for each in entries
+        each | {"head": head} if each.get("session") == session else each for each in entries
     ]
     journal.write_bytes(hashed_anew([json.dumps(each).encode() for each in forged]))
     after = [each.head for each in study.ends]

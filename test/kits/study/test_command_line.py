@@ -69,9 +69,7 @@ def test_simulated_observers_are_named_wherever_results_are(
     analysis = simulated.folder / "analysis"
     page = Page(analysis / "index.html")
     assert "Compensated or not (simulated observers): results" in page.text
-    results = [
-        table for table in page.tables if "participants" in table[0] or "stimuli" in table[0]
-    ]
+    results = [each for each in page.tables if "participants" in each[0] or "stimuli" in each[0]]
     assert len(results) >= 2
     assert all("observer" in table[0] for table in results)
     data = simulated.folder / "export" / "psych-ds" / "data"

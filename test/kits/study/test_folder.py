@@ -73,13 +73,7 @@ def test_rows_are_filled_up_after_a_deletion(study: Study) -> None:
     study.begin("P05").close()
     rows = {each.participant: each.row for each in study.sessions}
     assert rows == {"P01": 0, "P03": 2, "P04": 1, "P05": 3}
-
-
-def test_seeds_differ(study: Study) -> None:
-    for name in ("P01", "P02"):
-        study.begin(name).close()
-    first, second = study.sessions
-    assert first.seed != second.seed
+    assert len({each.seed for each in study.sessions}) == 4, "seeds differ"
 
 
 def test_a_participant_goes_on_with_the_version_of_the_begin(study: Study) -> None:
@@ -200,9 +194,7 @@ def test_a_consent_text_has_what_ethics_boards_ask_for(name: str) -> None:
     assert stated
     assert int(stated[1]) >= expected_minutes(found) + breaks
     assert f"reached {found.limits.exposure:g} m/s²" in " ".join(text.split())
-    with pytest.raises(
-        ParameterError, match=r"consent.text: must have its \d blanks filled"
-    ) as told:
+    with pytest.raises(ParameterError, match=r"consent.text: must have its \d blanks") as told:
         check_blanks(found)
     assert str(told.value).startswith(f"{found.source}:")
     assert "; investigator, address and telephone; " in str(told.value)
@@ -216,7 +208,5 @@ def test_a_text_whose_blanks_are_filled_in_passes(tmp_path: Path) -> None:
     check_blanks(read_protocol(path))
     for part in ("[[blank]]", "[[ Blank: half"):
         path.write_text(filled.replace("No answer is wrong.", part), encoding="utf-8")
-        with pytest.raises(
-            ParameterError, match=r"study.yaml:\d+: instructions: must have its 1 b"
-        ):
+        with pytest.raises(ParameterError, match=r"study.yaml:\d+: instructions: must have its"):
             check_blanks(read_protocol(path))

@@ -13,6 +13,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -60,9 +61,8 @@ def figures(folder: Path) -> str:
     study = Study(folder)
     sessions = study.sessions
     found = tables(study.protocol, sessions).by_name.items()
-    planned = [
-        (each.values, vars(each.outcome)) for each in planned_tests(study.protocol, sessions)
-    ]
+    results = planned_tests(study.protocol, sessions)
+    planned = [(each.values, vars(each.outcome)) for each in results]
     return "".join(f"{name}\n{csv_text(frame)}" for name, frame in found) + repr(planned)
 
 
@@ -106,6 +106,10 @@ def bags_elsewhere(folder: Path) -> None:
     (folder / PARTICIPANTS / "S02" / "bags").symlink_to(folder.parent / "disk")
 
 
+def broken_off(folder: Path) -> None:
+    rewrite(log(folder, "S01"), lambda content: content + content[:50])
+
+
 HARMLESS: dict[str, Change] = {
     "nothing": lambda folder: None,
     "stray files": scatter,
@@ -118,9 +122,7 @@ HARMLESS: dict[str, Change] = {
     "results": lambda folder: shutil.copytree(folder / PARTICIPANTS, folder / "export" / "csv"),
     "an empty folder": lambda folder: (folder / PARTICIPANTS / "S09").mkdir(),
     "bags elsewhere": bags_elsewhere,
-    "a line of a write that broke off": lambda folder: rewrite(
-        log(folder, "S01"), lambda content: content + content[:50]
-    ),
+    "a line of a write that broke off": broken_off,
 }
 """Guises that leave all figures as they are."""
 
@@ -168,47 +170,38 @@ names, numbers = st.sampled_from(NAMES), st.integers(0, 40)
 files = st.one_of(st.just(Path(JOURNAL)), names.map(lambda name: Path(PARTICIPANTS, name, LOG)))
 
 
+def on_folder(
+    change: Callable[..., None], *values: st.SearchStrategy[Any]
+) -> st.SearchStrategy[Change]:
+    """Return changes of a folder with some values."""
+    return st.builds(lambda *given_: lambda folder: change(folder, *given_), *values)
+
+
 def on_file(
     change: Callable[..., bytes], *values: st.SearchStrategy[int]
 ) -> st.SearchStrategy[Change]:
     """Return changes of the content of a file."""
-    return st.builds(
-        lambda file, *given_: (
-            lambda folder: rewrite(folder / file, lambda content: change(content, *given_))
-        ),
-        files,
-        *values,
-    )
+
+    def made(file: Path, *given_: int) -> Change:
+        return lambda folder: rewrite(folder / file, lambda content: change(content, *given_))
+
+    return st.builds(made, files, *values)
+
+
+def duplicate(folder: Path, file: Path, form: str) -> None:
+    """Copy a file of a study to one of another name."""
+    if (folder / file).exists():
+        shutil.copy(folder / file, folder / file.with_name(form.format(file.stem) + file.suffix))
 
 
 CHANGES: st.SearchStrategy[Change] = st.one_of(
     st.sampled_from([scatter, in_reverse]),
-    st.builds(
-        lambda *given_: lambda folder: copied(folder, *given_),
-        names,
-        st.sampled_from(CONFLICTS),
-        st.one_of(st.none(), numbers),
-    ),
-    st.builds(lambda *given_: lambda folder: renamed(folder, *given_), names, st.just("S10")),
-    st.builds(
-        lambda name: lambda folder: shutil.rmtree(folder / PARTICIPANTS / name, True), names
-    ),
-    st.builds(
-        lambda file, form: (
-            lambda folder: (
-                (folder / file).exists()
-                and shutil.copy(
-                    folder / file, (folder / file).with_name(form.format(file.stem) + file.suffix)
-                )
-            )
-        ),
-        files,
-        st.sampled_from(CONFLICTS[:-1]),
-    ),
+    on_folder(copied, names, st.sampled_from(CONFLICTS), st.none() | numbers),
+    on_folder(renamed, names, st.just("S10")),
+    st.builds(lambda name: lambda path: shutil.rmtree(path / PARTICIPANTS / name, True), names),
+    on_folder(duplicate, files, st.sampled_from(CONFLICTS[:-1])),
     st.builds(lambda file: lambda folder: (folder / file).unlink(missing_ok=True), files),
-    on_file(
-        lambda content, cut: b"".join(content.splitlines(keepends=True)[: -cut or None]), numbers
-    ),
+    on_file(without_lines, numbers),
     on_file(lambda content, cut: content[: -cut or None], st.integers(0, 3000)),
     on_file(swapped, numbers, numbers),
     on_file(crlf),

@@ -12,16 +12,17 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
+from kits.study.protocol_maker import make_protocol
 from std_msgs.msg import Bool
 
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import DESIRED_ACCELERATION, EMERGENCY_STOP, HANDLE_ACCELERATION
 from haptic_accel.kits.study.live import LiveRig
-from haptic_accel.kits.study.protocol import Condition, Consent, Protocol, Value
+from haptic_accel.kits.study.protocol import Condition, Value
 from haptic_accel.kits.study.trials import StoppedError, UndeliveredError
 from haptic_accel.nodes.emergency_stop import LATCHED
 from running import nodes_of, wait_until
@@ -58,20 +59,8 @@ SEEDS = condition(controller="none", seed=1.0), condition(controller="none", see
 @contextmanager
 def rig(folder: Path, *conditions: Condition, **graph: str) -> Iterator[LiveRig]:
     """Give a live rig of a study with the conditions, on a hand that strokes by itself."""
-    protocol = Protocol(
-        title="",
-        task="identification",
-        question="",
-        graph={"rig": "ideal", **graph},
-        factors={},
-        conditions=conditions,
-        pairs=(),
-        consent=Consent("1", ""),
-        instructions="",
-        digest="",
-        source=folder / "study.yaml",
-        content="",
-    )
+    given: dict[str, Any] = {"graph": {"rig": "ideal", **graph}, "source": folder / "study.yaml"}
+    protocol = make_protocol("identification", conditions=conditions, pairs=(), **given)
     with LiveRig(protocol, folder / "P07") as live:
         yield live
 
@@ -82,9 +71,8 @@ def test_conditions_are_presented_in_turn_and_measured_until_an_emergency_stop(
     with rig(tmp_path, NOTHING) as live:
         with pytest.raises(ParameterError, match="has a graph already"), rig(tmp_path, WHOLE):
             pass
-        nothing, whole, half, vinyl = (
-            live.present(each, SECONDS) for each in (NOTHING, WHOLE, HALF, ON_VINYL)
-        )
+        presented = (live.present(each, SECONDS) for each in (NOTHING, WHOLE, HALF, ON_VINYL))
+        nothing, whole, half, vinyl = presented
         assert live.exposure > 0.0
         assert not live.has_pointer
         for wrong in CANNOT_BE_SET:
@@ -108,9 +96,8 @@ def test_conditions_are_presented_in_turn_and_measured_until_an_emergency_stop(
         assert 0.0 <= each.clipped <= 100.0
         assert 0.0 <= each.late <= 100.0
     assert half.read_back == {"controller": "inverse", "gain": 0.5}
-    assert vinyl.read_back == {
-        **{"controller": "adaptive", "surface": "vinyl", "grip": "hook", "gain": 1.0}
-    }
+    expected = {"controller": "adaptive", "surface": "vinyl", "grip": "hook", "gain": 1.0}
+    assert vinyl.read_back == expected
     # One graph had all of them, and none of its output was seen.
     assert {each.bag for each in (nothing, whole, half, vinyl)} == {"bags/000"}
     assert capfd.readouterr() == ("", "")
@@ -140,10 +127,8 @@ def test_other_arguments_start_another_graph_and_one_that_dies_twice_ends_the_se
 
     begun: list[int] = []
     with rig(tmp_path, *SEEDS) as live:
-        presented = [
-            live.present(each, MOMENT, lambda: begun.append(time.time_ns()))
-            for each in (*SEEDS, SEEDS[1])
-        ]
+        felt, note = (*SEEDS, SEEDS[1]), lambda: begun.append(time.time_ns())
+        presented = [live.present(each, MOMENT, note) for each in felt]
         kill()
         with pytest.raises(UndeliveredError, match=r"composed.*graph.log"):
             live.present(SEEDS[1], 60.0)
@@ -167,7 +152,7 @@ def test_a_page_leads_the_hand_and_sees_the_scene(tmp_path: Path) -> None:
         for x in (0.01, 0.03):
             assert live.lead(x, 0.05) == ""
             wait_until(
-                lambda x=x: abs(live.windows.vectors["handle"][0] - x) < 5e-3, "the hand is there"
+                lambda x=x: abs(live.windows.vectors["handle"][0] - x) < 5e-3, "it is there"
             )
         presented = live.present(WHOLE, MOMENT)
     assert presented.desired_rms < 0.2  # in the air

@@ -34,28 +34,17 @@ from haptic_accel.kits.study.protocol import Condition
 
 NONE = Condition((("controller", "none"), ("gain", 1.0)))
 ADAPTIVE = Condition((("controller", "adaptive"), ("gain", 0.5)))
-PRESENTED = trials.PresentedStimulus(
-    begin=5,
-    end=6,
-    bag="bags/1",
-    rms=1.5,
-    peak=3.0,
-    desired_rms=1.4,
-    error=None,
-    clipped=0.0,
-    late=0.1,
-    lost=0.0,
-    read_back={"controller": "none", "gain": 1.0},
-)
+STRENGTH = {"rms": 1.5, "peak": 3.0, "desired_rms": 1.4, "error": None}
+FLAWS = {"clipped": 0.0, "late": 0.1, "lost": 0.0}
+SET = {"controller": "none", "gain": 1.0}
+PRESENTED = trials.PresentedStimulus(5, 6, "bags/1", **STRENGTH, **FLAWS, read_back=SET)
 
 
 def trial(number: int) -> trials.TrialRecord:
-    planned = trials.PlannedTrial(
-        number, trials.MAIN, (NONE, ADAPTIVE), ("1", "2"), "2", "pair", 0.5, 3
-    )
-    return trials.TrialRecord(
-        planned, 1, (PRESENTED,), trials.Answer("2", 0.7), 10, 20, 30, 40, "late"
-    )
+    stimuli = (NONE, ADAPTIVE)
+    planned = trials.PlannedTrial(number, trials.MAIN, stimuli, ("1", "2"), "2", "pair", 0.5, 3)
+    answer = trials.Answer("2", 0.7)
+    return trials.TrialRecord(planned, 1, (PRESENTED,), answer, 10, 20, 30, 40, "late")
 
 
 @pytest.fixture

@@ -70,13 +70,28 @@ def asked(page: Page, question: str = QUESTION) -> None:
 
 def agree(page: Page) -> None:
     """Agree, read the instructions and begin."""
-    for heading, key in (
-        ("I agree to take part.", "1"),
-        ("Stroke the surface.", "Enter"),
-        ("begin", "Enter"),
-    ):
+    screens = {"I agree to take part.": "1", "Stroke the surface.": "Enter", "begin": "Enter"}
+    for heading, key in screens.items():
         asked(page, heading)
         page.keyboard.press(key)
+
+
+def first_question(page: Page, visit: Visit) -> None:
+    """Begin a session, and wait until its first question is asked."""
+    visit.begin()
+    agree(page)
+    asked(page)
+
+
+def answer(page: Page, visit: Visit, key: str) -> None:
+    """Press a key, and wait until it has answered one question."""
+    before = len(visit.answers)
+    page.keyboard.press(key)
+    wait_until(lambda: len(visit.answers) == before + 1, "the answer")
+
+
+def values(visit: Visit) -> list[tuple[int, str]]:
+    return [(number, answer.value) for number, answer in visit.answers]
 
 
 def numbers(visit: Visit) -> list[int]:
@@ -110,9 +125,7 @@ def test_a_session_by_keys_alone(page: Page, visit: Visit) -> None:
 
 
 def test_a_key_that_is_no_answer_answers_nothing(page: Page, visit: Visit) -> None:
-    visit.begin()
-    agree(page)
-    asked(page)
+    first_question(page, visit)
     for key in ("3", "a", "Enter", "Tab", "F2"):
         page.keyboard.press(key)
     page.wait_for_timeout(300)
@@ -138,51 +151,40 @@ def test_a_reload_loses_and_doubles_nothing(page: Page, visit: Visit) -> None:
 
 
 def test_the_time_of_an_answer_goes_on_over_a_reload(page: Page, visit: Visit) -> None:
-    visit.begin()
-    agree(page)
-    asked(page)
+    first_question(page, visit)
     page.wait_for_timeout(1500)
     page.reload()
     asked(page)
-    page.keyboard.press("1")
-    wait_until(lambda: len(visit.answers) == 1, "the answer")
+    answer(page, visit, "1")
     assert visit.answers[0][1].response_time > 2.0
 
 
 def test_going_back_and_forward_loses_and_doubles_nothing(page: Page, visit: Visit) -> None:
-    visit.begin()
-    agree(page)
-    asked(page)
+    first_question(page, visit)
     page.goto("about:blank")
     page.go_back()
     asked(page)
-    page.keyboard.press("1")
-    wait_until(lambda: len(visit.answers) == 1, "the answer")
+    answer(page, visit, "1")
     asked(page)
     page.go_back()
     page.go_forward()
     page.goto(visit.address)
     asked(page)
-    page.keyboard.press("2")
-    wait_until(lambda: len(visit.answers) == 2, "the answer")
+    answer(page, visit, "2")
     assert numbers(visit) == [0, 1]
 
 
 def test_a_session_that_was_killed_goes_on_at_the_same_page(page: Page, visit: Visit) -> None:
-    visit.begin()
-    agree(page)
-    asked(page)
-    page.keyboard.press("1")
-    wait_until(lambda: len(visit.answers) == 1, "the answer")
+    first_question(page, visit)
+    answer(page, visit, "1")
     asked(page)
     visit.restart()
     for heading in ("Stroke the surface.", "begin"):
         asked(page, heading)
         page.keyboard.press("Enter")
     asked(page)
-    page.keyboard.press("2")
-    wait_until(lambda: len(visit.answers) == 2, "the answer")
-    assert [(n, answer.value) for n, answer in visit.answers] == [(0, "same"), (1, "different")]
+    answer(page, visit, "2")
+    assert values(visit) == [(0, "same"), (1, "different")]
 
 
 def test_a_double_click_answers_once(page: Page, visit: Visit) -> None:
@@ -198,9 +200,7 @@ def test_a_double_click_answers_once(page: Page, visit: Visit) -> None:
 
 
 def test_an_answer_without_connection_arrives_when_it_is_back(page: Page, visit: Visit) -> None:
-    visit.begin()
-    agree(page)
-    asked(page)
+    first_question(page, visit)
     page.context.set_offline(True)
     page.route("**/command", lambda route: route.abort())
     page.keyboard.press("2")
@@ -210,13 +210,11 @@ def test_an_answer_without_connection_arrives_when_it_is_back(page: Page, visit:
     page.context.set_offline(False)
     wait_until(lambda: len(visit.answers) == 1, "the answer")
     asked(page)
-    assert [(number, answer.value) for number, answer in visit.answers] == [(0, "different")]
+    assert values(visit) == [(0, "different")]
 
 
 def test_an_answer_whose_acknowledgement_is_lost_counts_once(page: Page, visit: Visit) -> None:
-    visit.begin()
-    agree(page)
-    asked(page)
+    first_question(page, visit)
 
     lost: list[str] = []
 
@@ -236,29 +234,24 @@ def test_an_answer_whose_acknowledgement_is_lost_counts_once(page: Page, visit: 
     asked(page)
     page.unroute("**/command")
     assert numbers(visit) == [0]
-    page.keyboard.press("2")
-    wait_until(lambda: len(visit.answers) == 2, "the next answer")
-    assert [answer.value for _, answer in visit.answers] == ["same", "different"]
+    answer(page, visit, "2")
+    assert values(visit) == [(0, "same"), (1, "different")]
 
 
 def test_of_two_pages_the_one_opened_last_is_the_participants(
     browser: Browser, page: Page, visit: Visit
 ) -> None:
-    visit.begin()
-    agree(page)
-    asked(page)
+    first_question(page, visit)
     second = browser.new_page()
     second.goto(visit.address)
     shows(page, "other page")
     asked(second)
-    second.keyboard.press("1")
-    wait_until(lambda: len(visit.answers) == 1, "the answer")
+    answer(second, visit, "1")
     second.close()
     page.keyboard.press("Enter")  # the only answer: use this page
     asked(page)
-    page.keyboard.press("2")
-    wait_until(lambda: len(visit.answers) == 2, "the answer")
-    assert [(n, answer.value) for n, answer in visit.answers] == [(0, "same"), (1, "different")]
+    answer(page, visit, "2")
+    assert values(visit) == [(0, "same"), (1, "different")]
 
 
 def test_a_stimulus_waits_for_a_page_that_shows_it(browser: Browser, visit: Visit) -> None:
@@ -289,14 +282,12 @@ def test_a_stimulus_during_which_the_page_is_lost_is_undelivered(page: Page, vis
     asked(page, "begin")
     page.keyboard.press("Enter")
     asked(page)
-    page.keyboard.press("1")
-    wait_until(lambda: numbers(visit) == [0], "the trial is repeated")
+    answer(page, visit, "1")
+    assert numbers(visit) == [0], "the trial is repeated"
 
 
 def test_escape_stops_at_once_and_without_force(page: Page, visit: Visit) -> None:
-    visit.begin()
-    agree(page)
-    asked(page)
+    first_question(page, visit)
     page.keyboard.press("Escape")
     shows(page, "stopped")
     assert visit.rig.stops == 1
@@ -373,9 +364,8 @@ def test_buttons_have_words_of_the_language_values_or_intervals(
     page: Page, visit: Visit, answers: tuple[str, ...], labels: list[str]
 ) -> None:
     given: list[str] = []
-    visit.begin(
-        lambda: given.append(visit.page.ask(Screen("q", "question", "Which?", answers)).value)
-    )
+    screen = Screen("q", "question", "Which?", answers)
+    visit.begin(lambda: given.append(visit.page.ask(screen).value))
     asked(page, "Which?")
     shown = page.locator("#answers button").all_inner_texts()
     assert [" ".join(each.split()) for each in shown] == labels
@@ -434,14 +424,10 @@ def test_the_pad_leads_the_hand_and_shows_no_tool(page: Page, visit: Visit) -> N
 
 def test_nothing_of_a_condition_reaches_the_page(page: Page, visit: Visit) -> None:
     texts: list[str] = []
-    page.on(
-        "websocket",
-        lambda socket: socket.on("framereceived", lambda data: texts.append(str(data))),
-    )
+    hear = ("framereceived", lambda data: texts.append(str(data)))
+    page.on("websocket", lambda socket: socket.on(*hear))
     page.reload()
-    visit.begin()
-    agree(page)
-    asked(page)
+    first_question(page, visit)
     page.wait_for_timeout(1000)
     assert len(texts) > 10
     for word in ("controller", "adaptive", "nrmse", "spectra", "desired"):

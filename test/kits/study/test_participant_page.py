@@ -40,9 +40,10 @@ def test_what_is_no_answer_is_refused_in_one_line(page: ParticipantPage, value: 
     assert "\n" not in str(told.value)
 
 
-@pytest.mark.parametrize(
-    "seconds", ["NaN", "Infinity", "-Infinity", "-0.001", "1e999", "1" + "0" * 400, "60", "true"]
-)
+TIMES = ["NaN", "Infinity", "-Infinity", "-0.001", "1e999", "1" + "0" * 400, "60", "true"]
+
+
+@pytest.mark.parametrize("seconds", TIMES)
 def test_a_response_time_that_cannot_be_is_refused(page: ParticipantPage, seconds: str) -> None:
     page.show(Screen("", "question", "", ("1", "2")))
     identity = page.state()["screen"]["id"]
@@ -79,9 +80,8 @@ def test_a_stop_reaches_the_session_and_the_rig_once_and_for_all() -> None:
 def test_a_sign_without_the_noise_does_not_count() -> None:
     page = ParticipantPage(ENGLISH, PageRig(), noise=-20.0)
     shown = threading.Event()
-    thread = threading.Thread(
-        target=lambda: (page.show(Screen("", "stimulus", interval=1)), shown.set())
-    )
+    stimulus = Screen("", "stimulus", interval=1)
+    thread = threading.Thread(target=lambda: (page.show(stimulus), shown.set()))
     thread.start()
     while (identity := page.state()["screen"])["kind"] != "stimulus":
         pass

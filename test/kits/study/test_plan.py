@@ -31,6 +31,7 @@ from haptic_accel.kits.study.session import SimulatedParticipant
 from haptic_accel.kits.study.trials import CATCH, MAIN, PRACTICE, Answer, PlannedTrial
 
 NOTHING_ELSE = Extras(practice=0, break_every=0)
+FOUR, QUEST = Procedure(repeats=4), Procedure("quest_plus", trials=12)
 
 PROTOCOLS = {
     **{
@@ -43,17 +44,13 @@ PROTOCOLS = {
         procedure=Procedure(repeats=2),
         extras=Extras(practice=3, catch_every=4, break_every=5),
     ),
-    "williams": make_protocol(
-        "rating", 4, order=Order("williams"), procedure=Procedure(repeats=4)
-    ),
+    "williams": make_protocol("rating", 4, order=Order("williams"), procedure=FOUR),
     "staircase": make_levels(
         surfaces=("wood", "foam"),
         procedure=Procedure("staircase", step_up=0.1, step_down=0.1, trials=20),
         extras=Extras(practice=2, catch_every=7),
     ),
-    "quest_plus": make_levels(
-        task="odd_one_out", scale="log", procedure=Procedure("quest_plus", trials=12)
-    ),
+    "quest_plus": make_levels(task="odd_one_out", scale="log", procedure=QUEST),
 }
 
 
@@ -124,9 +121,8 @@ def test_practice_shows_each_condition() -> None:
 
 
 def test_catch_trials_come_between_a_number_of_trials() -> None:
-    protocol = make_levels(
-        procedure=Procedure(repeats=2), extras=Extras(practice=0, catch_every=3)
-    )
+    procedure = Procedure(repeats=2)
+    protocol = make_levels(procedure=procedure, extras=Extras(practice=0, catch_every=3))
     assert _kinds(Plan(protocol, 1, 0)) == [*[MAIN] * 3, CATCH, *[MAIN] * 3, CATCH, *[MAIN] * 2]
     catch = [each for each in run(Plan(protocol, 1, 0), always_right) if each.trial.kind == CATCH]
     assert {each.trial.level for each in catch} == {1.8}
@@ -153,11 +149,8 @@ def test_a_trial_with_a_flaw_is_repeated_although_it_was_answered() -> None:
 
 
 def test_a_staircase_ends_though_nothing_is_delivered() -> None:
-    protocol = make_levels(
-        procedure=Procedure("staircase", trials=5, tracks=2),
-        bounds=Bounds(repeats=0),
-        extras=NOTHING_ELSE,
-    )
+    staircase = Procedure("staircase", trials=5, tracks=2)
+    protocol = make_levels(procedure=staircase, bounds=Bounds(repeats=0), extras=NOTHING_ELSE)
     assert len(list(run(Plan(protocol, 1, 0), lambda trial: None))) == 10
 
 
@@ -187,10 +180,8 @@ def test_a_record_of_another_trial_is_refused() -> None:
 
 def test_each_order_of_stimuli_is_equally_frequent_and_another_for_each_seed() -> None:
     protocol = make_protocol("odd_one_out", procedure=Procedure(repeats=12), extras=NOTHING_ELSE)
-    stimuli, others = (
-        [each.trial.stimuli for each in run(Plan(protocol, seed, 0), always_right)]
-        for seed in (1, 2)
-    )
+    plans = (Plan(protocol, seed, 0) for seed in (1, 2))
+    stimuli, others = ([each.trial.stimuli for each in run(plan, always_right)] for plan in plans)
     assert Counter(Counter(stimuli).values()) == {2: 6}
     assert stimuli != others
 

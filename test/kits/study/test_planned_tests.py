@@ -28,6 +28,7 @@ from scipy import stats
 
 from haptic_accel.kits.study.folder import templates
 from haptic_accel.kits.study.planned_tests import (
+    PlannedResult,
     counted,
     mean_test,
     planned_tests,
@@ -71,10 +72,8 @@ def test_sides_of_students_sleep() -> None:
 def test_equivalence_of_students_sleep() -> None:
     # As two t-tests against a shifted mean, in scipy.
     found = mean_test(SLEEP, 0.0, "equivalent", margin=2.5)
-    expected = [
-        stats.ttest_1samp(SLEEP, -2.5, alternative="greater").pvalue,
-        stats.ttest_1samp(SLEEP, 2.5, alternative="less").pvalue,
-    ]
+    sides = {"greater": -2.5, "less": 2.5}
+    expected = [stats.ttest_1samp(SLEEP, sides[each], alternative=each).pvalue for each in sides]
     assert found.p_t == pytest.approx(max(expected))
     assert found.significant
     # The interval of 90 % lies within the margin exactly if equivalence is shown.
@@ -166,33 +165,28 @@ def test_d_prime_of_guessing_is_significant_as_often_as_alpha(task: str) -> None
     assert rejections(1000, draw, alternative="greater") <= 0.071
 
 
+def normal(stream: int, mean: float, spread: float, number: int) -> Callable[[int], list[float]]:
+    """Return a draw of normal values of participants, by the seed of a study."""
+    return lambda seed: np.random.default_rng([seed, stream]).normal(mean, spread, number).tolist()
+
+
 @pytest.mark.slow
 def test_power_is_that_of_the_noncentral_t() -> None:
-    def draw(seed: int) -> list[float]:
-        return np.random.default_rng([seed, 3]).normal(0.9, 1.0, 12).tolist()
-
     critical = stats.t.ppf(0.975, 11)
     expected = stats.nct.sf(critical, 11, 0.9 * math.sqrt(12))
-    assert rejections(1000, draw) == pytest.approx(expected, abs=0.04)
+    assert rejections(1000, normal(3, 0.9, 1.0, 12)) == pytest.approx(expected, abs=0.04)
 
 
 @pytest.mark.slow
 def test_a_difference_as_large_as_the_margin_is_seldom_equivalent() -> None:
-    def draw(seed: int) -> list[float]:
-        return np.random.default_rng([seed, 4]).normal(0.5, 0.3, 12).tolist()
-
-    assert rejections(1000, draw, alternative="equivalent", margin=0.5) == pytest.approx(
-        0.05, abs=0.021
-    )
+    found = rejections(1000, normal(4, 0.5, 0.3, 12), alternative="equivalent", margin=0.5)
+    assert found == pytest.approx(0.05, abs=0.021)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", [0.0, 0.8, 2.0])
 def test_effect_sizes_are_unbiased_and_covered(effect: float) -> None:
-    found = [
-        standardised(np.random.default_rng([seed, 5]).normal(effect, 1.0, 10).tolist())
-        for seed in range(1000)
-    ]
+    found = [standardised(normal(5, effect, 1.0, 10)(seed)) for seed in range(1000)]
     assert np.mean([each.value for each in found]) == pytest.approx(effect, abs=0.07)
     held = np.mean([each.low <= effect <= each.high for each in found])
     assert held == pytest.approx(0.95, abs=0.021)
@@ -237,10 +231,15 @@ def sessions(study: Protocol, *answers: Answering) -> list[SessionRecord]:
     return [session(study, f"P{i}", trials, answer) for i, answer in enumerate(answers)]
 
 
+def only_result(study: Protocol, *answers: Answering) -> PlannedResult:
+    """Return the result of a study's only test."""
+    (result,) = planned_tests(study, sessions(study, *answers))
+    return result
+
+
 def test_each_participant_has_one_value_whatever_the_number_of_trials() -> None:
     study = with_test(protocol("2ifc"), "correct")
-    found = planned_tests(study, sessions(study, *[wrong_at(1), wrong_at(1, 2), wrong_at()] * 2))
-    (result,) = found
+    result = only_result(study, *[wrong_at(1), wrong_at(1, 2), wrong_at()] * 2)
     assert list(result.values.values()) == [0.95, 0.9, 1.0] * 2
     assert result.outcome.n == 6
     assert result.against == 0.5
@@ -250,9 +249,7 @@ def test_each_participant_has_one_value_whatever_the_number_of_trials() -> None:
 
 def test_the_interval_of_a_share_ends_at_one() -> None:
     study = with_test(protocol("2ifc"), "correct")
-    (result,) = planned_tests(
-        study, sessions(study, wrong_at(1, 2, 3, 4, 5), wrong_at(), wrong_at())
-    )
+    result = only_result(study, wrong_at(1, 2, 3, 4, 5), wrong_at(), wrong_at())
     assert result.outcome.mean.high + result.against > 1.0, "Student's own"
     assert (result.mean.low < result.mean.value, result.mean.high) == (True, 1.0)
 
@@ -260,12 +257,10 @@ def test_the_interval_of_a_share_ends_at_one() -> None:
 def test_a_test_of_a_condition_has_the_trials_whose_comparison_it_is() -> None:
     # Odd trials compare adaptive, even ones mass, both with none.
     study = with_test(protocol("2ifc"), "correct", "controller=mass")
-    (result,) = planned_tests(study, sessions(study, wrong_at(2, 3)))
-    assert result.values == {"P0": 0.9}
-    study = with_test(
-        protocol("2ifc"), "correct", "controller=mass", against="controller=adaptive"
-    )
-    (result,) = planned_tests(study, sessions(study, wrong_at(2, 4), wrong_at(3), wrong_at(2)))
+    assert only_result(study, wrong_at(2, 3)).values == {"P0": 0.9}
+    against = "controller=adaptive"
+    study = with_test(protocol("2ifc"), "correct", "controller=mass", against=against)
+    result = only_result(study, wrong_at(2, 4), wrong_at(3), wrong_at(2))
     assert list(result.values.values()) == pytest.approx([-0.2, 0.1, -0.1])
     assert result.against == 0.0
     assert result.measured == "difference of proportion correct"
@@ -282,7 +277,7 @@ def test_excluded_participants_and_other_kinds_of_trials_do_not_count() -> None:
 def test_sensitivity_follows_the_task() -> None:
     """Of 20 trials, 15 right: d' of the log-linear proportion 15.5 / 21 (2IFC: sqrt 2 z)."""
     study = with_test(protocol("2ifc"), "d_prime")
-    (result,) = planned_tests(study, sessions(study, wrong_at(1, 2, 3, 4, 5)))
+    result = only_result(study, wrong_at(1, 2, 3, 4, 5))
     assert result.values["P0"] == pytest.approx(math.sqrt(2) * 0.6372, abs=2e-3)
 
 
@@ -297,7 +292,6 @@ def test_same_and_different_answers_give_d_prime_by_their_rates() -> None:
 def test_preference_is_a_share_of_the_trials_with_the_condition() -> None:
     study = unruled("preference")
     order = {str(NONE): 1.0, str(MASS): 0.0, str(ADAPTIVE): 2.0}
-    found = sessions(study, preferring(order))
     expected = {
         ("controller=adaptive", ""): 1.0,
         ("controller=none", ""): 0.5,
@@ -306,8 +300,8 @@ def test_preference_is_a_share_of_the_trials_with_the_condition() -> None:
         ("controller=none", "0.25"): 0.5,
     }
     for (condition, against), share in expected.items():
-        tested = with_test(study, "preferred", condition, against=against)
-        (result,) = planned_tests(tested, found)
+        asked = with_test(study, "preferred", condition, against=against)
+        result = only_result(asked, preferring(order))
         assert result.values == {"P0": share}
         assert result.against == (0.25 if against == "0.25" else 0.5)
 
@@ -316,7 +310,7 @@ def test_a_condition_that_was_never_compared_has_no_value() -> None:
     given = {"against": "controller=adaptive"}
     study = with_test(unruled("preference"), "preferred", "controller=mass", **given)
     order = dict.fromkeys(map(str, (NONE, MASS, ADAPTIVE)), 0.0)
-    (result,) = planned_tests(study, sessions(study, preferring(order)))
+    result = only_result(study, preferring(order))
     assert result.values == {}
     assert not result.outcome.significant
 
@@ -324,11 +318,10 @@ def test_a_condition_that_was_never_compared_has_no_value() -> None:
 def test_ratings_of_two_conditions_are_paired_by_participant() -> None:
     study = unruled("rating", pairs=())
     ratings = {str(NONE): 20.0, str(MASS): 40.0, str(ADAPTIVE): 60.0}
-    tested = with_test(study, "rating", "controller=adaptive", against="controller=mass")
-    (result,) = planned_tests(tested, sessions(study, *(rated(ratings, i) for i in range(3))))
+    paired = with_test(study, "rating", "controller=adaptive", against="controller=mass")
+    result = only_result(paired, *(rated(ratings, i) for i in range(3)))
     assert list(result.values.values()) == [20.0] * 3
-    (result,) = planned_tests(with_test(study, "rating"), sessions(study, rated(ratings)))
-    assert result.values == {"P0": 40.0}
+    assert only_result(with_test(study, "rating"), rated(ratings)).values == {"P0": 40.0}
 
 
 def test_thresholds_of_simulated_observers_are_found() -> None:
@@ -346,9 +339,8 @@ def test_equivalence_is_tested_within_its_margin() -> None:
     given = {"alternative": "equivalent", "against": "controller=mass"}
     answers = [rated(ratings | {str(MASS): 39.0 + i / 2}) for i in range(5)]
     for margin, shown in ((5.0, True), (0.5, False)):
-        tested = with_test(study, "rating", "controller=adaptive", margin=margin, **given)
-        (result,) = planned_tests(tested, sessions(study, *answers))
-        assert result.outcome.significant is shown
+        asked = with_test(study, "rating", "controller=adaptive", margin=margin, **given)
+        assert only_result(asked, *answers).outcome.significant is shown
 
 
 def test_a_study_without_sessions_has_results_without_values() -> None:

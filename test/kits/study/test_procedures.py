@@ -64,9 +64,8 @@ def test_a_block_has_one_value_of_its_factor() -> None:
 
 def test_blocks_begin_with_another_value_in_the_next_row() -> None:
     protocol = _constant(Order("blocked", "surface"))
-    firsts = {
-        ordered(protocol, row, np.random.default_rng(1))[0][0] for row in range(rows(protocol))
-    }
+    generators = [np.random.default_rng(1) for _ in range(rows(protocol))]
+    firsts = {ordered(protocol, row, rng)[0][0] for row, rng in enumerate(generators)}
     assert firsts == {0, 1, 2, 3}
 
 
@@ -128,32 +127,20 @@ def _answers(seed: int, proportion: Callable[[float], float]) -> Callable[[float
     return lambda distance: bool(generator.random() < proportion(distance))
 
 
-@pytest.mark.parametrize(
-    ("down", "expected"), [(1, 0.5), (2, 0.707), (3, 0.794), (4, 0.841), (5, 0.871)]
-)
-def test_a_transformed_staircase_settles_where_levitt_says(down: int, expected: float) -> None:
-    # Levitt 1971, table I. Steps are small beside the function, so that it is linear.
-    staircase = _staircase(
-        down=down, step_up=1.0, step_down=1.0, trials=1000, reversals=100, fine_after=100
-    )
-    _settles(staircase, expected, 0.02)
+# Levitt 1971, table I; Kaernbach 1991: up (1 - p) = down p.
+SETTLED = [
+    *((down, 1.0, 1.0, p) for down, p in enumerate((0.5, 0.707, 0.794, 0.841, 0.871), 1)),
+    *((1, up / 2, down / 2, p) for up, down, p in ((3, 1, 0.75), (1, 1, 0.5), (4.5, 0.5, 0.9))),
+]
 
 
-@pytest.mark.parametrize(
-    ("up", "down", "expected"), [(3.0, 1.0, 0.75), (1.0, 1.0, 0.5), (4.5, 0.5, 0.9)]
-)
-def test_a_weighted_staircase_settles_where_kaernbach_says(
-    up: float, down: float, expected: float
+@pytest.mark.parametrize(("down", "step_up", "step_down", "expected"), SETTLED)
+def test_a_staircase_settles_where_theory_says(
+    down: int, step_up: float, step_down: float, expected: float
 ) -> None:
-    # Kaernbach 1991: up (1 - p) = down p.
-    staircase = _staircase(
-        down=1, step_up=up / 2, step_down=down / 2, trials=1000, reversals=100, fine_after=100
-    )
-    _settles(staircase, expected, 0.025)
-
-
-def _settles(staircase: procedures.Staircase, expected: float, tolerance: float) -> None:
-    """Run a staircase for long, and compare the proportion correct at its levels."""
+    # Steps are small beside the function, so that it is linear.
+    steps = {"down": down, "step_up": step_up, "step_down": step_down}
+    staircase = _staircase(trials=1000, reversals=100, fine_after=100, **steps)
     answers = _answers(4, _linear)
     for _ in range(100):
         staircase.update(answers(staircase.distance))
@@ -161,6 +148,7 @@ def _settles(staircase: procedures.Staircase, expected: float, tolerance: float)
     for _ in range(20_000):
         proportions.append(_linear(staircase.distance))
         staircase.update(answers(staircase.distance))
+    tolerance = 0.02 if step_up == step_down else 0.025
     assert np.mean(proportions) == pytest.approx(expected, abs=tolerance)
 
 
@@ -221,9 +209,8 @@ def test_a_trial_that_was_left_out_moves_no_staircase() -> None:
 
 def test_tracks_are_interleaved_and_each_ends_by_itself() -> None:
     procedure = Procedure("staircase", tracks=3, trials=10, step_up=0.1, step_down=0.1)
-    work = procedures.method(
-        make_levels(surfaces=("wood", "foam"), procedure=procedure), 0, np.random.default_rng(1)
-    )
+    levels = make_levels(surfaces=("wood", "foam"), procedure=procedure)
+    work = procedures.method(levels, 0, np.random.default_rng(1))
     tracks = []
     while (choice := work.choose(np.random.default_rng(len(tracks)))) is not None:
         tracks.append(choice.track)
@@ -320,10 +307,8 @@ def _arranged(task: str) -> list[tuple[str, str]]:
 def test_each_stimulus_is_as_often_in_each_interval(task: str) -> None:
     orders = [stimuli for stimuli, _ in _arranged(task)]
     for interval in range(TASKS[task].stimuli):
-        assert Counter(stimuli[interval] for stimuli in orders) == {
-            "r": len(orders) / 2,
-            "c": len(orders) / 2,
-        }
+        half = len(orders) / 2
+        assert Counter(stimuli[interval] for stimuli in orders) == {"r": half, "c": half}
 
 
 @pytest.mark.parametrize("task", ["2ifc", "odd_one_out", "abx", "same_different"])

@@ -18,9 +18,8 @@ def test_an_answer_is_acknowledged_when_the_next_question_comes() -> None:
     async def run() -> None:
         asked = Questions[str]()
         asked.put(("a", "b"))
-        attempts = [
-            asyncio.create_task(asked.take(asked.id, choice, choice)) for choice in ("a", "b")
-        ]
+        takes = [asked.take(asked.id, choice, choice) for choice in ("a", "b")]
+        attempts = [asyncio.create_task(take) for take in takes]
         await asyncio.sleep(0.1)
         assert not any(each.done() for each in attempts)
         assert asked.answer == "a", "the first counts"

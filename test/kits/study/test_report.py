@@ -86,11 +86,8 @@ def test_excluded_participants_are_named_with_the_rule(tmp_path: Path) -> None:
     rule = "session not complete (stopped by the participant)"
     assert f"P03: {rule}" in page.text
     assert read_json(tmp_path)["excluded"] == {"P03": rule}
-    assert {row["participant"] for row in result(found, "sensitivity").rows} == {
-        "P00",
-        "P01",
-        "P02",
-    }
+    counted = [row["participant"] for row in result(found, "sensitivity").rows]
+    assert set(counted) == {"P00", "P01", "P02"}
 
 
 def test_delivered_stimuli_are_stated_by_condition_with_what_was_not_delivered() -> None:
@@ -125,11 +122,8 @@ def test_confusions_count_answers_by_what_was_presented() -> None:
     made = session(study, "P1", trials, lambda trial, _: names[answers[str(trial.stimuli[0])]])
     rules = replace(study.rules, catch_correct=0.0)
     rows = result(analyse_study(replace(study, rules=rules), [made]), "confusions").rows
-    assert [list(row.values()) for row in rows] == [
-        ["none", 5, 0, 0],
-        ["mass", 5, 0, 0],
-        ["adaptive", 0, 0, 5],
-    ]
+    expected = [["none", 5, 0, 0], ["mass", 5, 0, 0], ["adaptive", 0, 0, 5]]
+    assert [list(row.values()) for row in rows] == expected
 
 
 def test_information_is_that_of_each_participant() -> None:
@@ -138,10 +132,11 @@ def test_information_is_that_of_each_participant() -> None:
     names = {str(each): str(each["controller"]) for each in (NONE, MASS, ADAPTIVE)}
     confused = {"none": "none", "mass": "none", "adaptive": "adaptive"}
     trials = single(study, 5)
-    made = [
-        session(study, name, trials, lambda trial, _: confused[names[str(trial.stimuli[0])]])
-        for name in ("P1", "P2")
-    ]
+
+    def answer(trial: PlannedTrial, _: object) -> str:
+        return confused[names[str(trial.stimuli[0])]]
+
+    made = [session(study, name, trials, answer) for name in ("P1", "P2")]
     rows = result(analyse_study(study, made), "information").rows
     assert [row["participant"] for row in rows] == ["P1", "P2"]
     assert rows[0]["uncorrected"] == pytest.approx(0.918, abs=1e-3)
@@ -176,11 +171,8 @@ def test_dissimilarities_become_a_map() -> None:
 
     made = [session(study, f"P{i}", paired(study, 3), rated) for i in range(3)]
     found = analyse_study(study, made)
-    assert [list(row.values())[1:] for row in result(found, "dissimilarities").rows] == [
-        [0.0, 3.0, 7.0],
-        [3.0, 0.0, 4.0],
-        [7.0, 4.0, 0.0],
-    ]
+    rows = [list(row.values())[1:] for row in result(found, "dissimilarities").rows]
+    assert rows == [[0.0, 3.0, 7.0], [3.0, 0.0, 4.0], [7.0, 4.0, 0.0]]
     points = [row["dimension_1"] for row in result(found, "map").rows]
     assert abs(points[2] - points[0]) == pytest.approx(7.0, abs=1e-3)
     assert "Stress: " in result(found, "map").text
@@ -200,9 +192,8 @@ SHORT = 4  # participants, and repeats of each pair or condition
 
 def shortened(name: str) -> Protocol:
     study = read_protocol(templates()[name])
-    return replace(
-        study, procedure=replace(study.procedure, repeats=SHORT, trials=20, reversals=4)
-    )
+    procedure = replace(study.procedure, repeats=SHORT, trials=20, reversals=4)
+    return replace(study, procedure=procedure)
 
 
 @pytest.mark.parametrize("name", templates())

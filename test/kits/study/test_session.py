@@ -16,14 +16,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from kits.study.studies import TEXT, FaultyRig, Scripted, run_session, write_study
+from kits.study.studies import TEXT, FaultyRig, Scripted, make_session, run_session, write_study
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study import trials
 from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.log import LOG, read_session
-from haptic_accel.kits.study.procedures import Plan
-from haptic_accel.kits.study.session import MOST_BROKEN_OFF, NO_CONSENT, Session, SimulatedRig
+from haptic_accel.kits.study.session import MOST_BROKEN_OFF, NO_CONSENT, SimulatedRig
 from nightly import rest_slow
 
 STOPPED = "stopped by the participant"
@@ -45,6 +44,13 @@ def stop_at(number: int) -> Callable[[trials.Screen], str | None]:
     return act
 
 
+def noting_stops(study: Study) -> tuple[SimulatedRig, list[None]]:
+    """Return a rig, and the list to which it adds each stop."""
+    rig, stops = SimulatedRig(study.protocol), []
+    rig.stop = lambda: stops.append(None)  # type: ignore[method-assign]
+    return rig, stops
+
+
 def timeless(session: trials.SessionRecord) -> trials.SessionRecord:
     """Return a session without its times."""
     records = tuple(
@@ -63,10 +69,8 @@ def test_a_session_goes_from_consent_to_its_end(study: Study) -> None:
     session = run_session(study, study.begin("P01"), participant)
     assert session.ended == trials.COMPLETE
     assert session.consent == "2026-1"
-    assert Counter(each.trial.kind for each in session.records) == {
-        trials.PRACTICE: 2,
-        trials.MAIN: 12,
-    }
+    kinds = Counter(each.trial.kind for each in session.records)
+    assert kinds == {trials.PRACTICE: 2, trials.MAIN: 12}
     assert len(session.counted) == 12
     trial = ["wait", "stimulus", "wait", "stimulus", "question"]
     practice, block = [*trial, "feedback"], trial * 5
@@ -99,9 +103,7 @@ def test_who_does_not_agree_feels_nothing(study: Study) -> None:
 
 @pytest.mark.parametrize("kind", ["consent", "instructions", "wait", "stimulus", "question"])
 def test_stop_stops_at_once_and_the_session_goes_on_later(study: Study, kind: str) -> None:
-    rig = SimulatedRig(study.protocol)
-    stops: list[None] = []
-    rig.stop = lambda: stops.append(None)  # type: ignore[method-assign]
+    rig, stops = noting_stops(study)
     participant = Scripted(study, {kind: stop_at(1)})
     session = run_session(study, study.begin("P01"), participant, rig)
     assert (session.ended, participant.kinds[-2:]) == (STOPPED, [kind, "stopped"])
@@ -152,10 +154,9 @@ def test_an_error_counts_only_with_a_controller(study: Study) -> None:
 
 
 def test_a_gain_of_zero_asks_for_no_vibration(tmp_path: Path) -> None:
-    text = TEXT.replace("controller: [none, adaptive]", "gain: [0, 1]").replace(
-        "strengths: {controller=none: 0, controller=adaptive: 3}\n", ""
-    )
-    study = write_study(tmp_path, text)
+    text = TEXT.replace("controller: [none, adaptive]", "gain: [0, 1]")
+    strengths = "strengths: {controller=none: 0, controller=adaptive: 3}\n"
+    study = write_study(tmp_path, text.replace(strengths, ""))
     faults = {number: {"desired_rms": 0.0} for number in range(200)}
     session = run_session(study, study.begin("P01"), rig=FaultyRig(study.protocol, faults))
     still = [each for each in session.records if not each.flaw]
@@ -165,9 +166,8 @@ def test_a_gain_of_zero_asks_for_no_vibration(tmp_path: Path) -> None:
 def test_a_rig_that_delivers_nothing_ends_the_session(study: Study) -> None:
     faults = {number: trials.UndeliveredError("no graph") for number in range(100)}
     participant = Scripted(study)
-    session = run_session(
-        study, study.begin("P01"), participant, FaultyRig(study.protocol, faults)
-    )
+    rig = FaultyRig(study.protocol, faults)
+    session = run_session(study, study.begin("P01"), participant, rig)
     assert session.ended == f"{MOST_BROKEN_OFF} trials in succession broke off"
     # Each time the participant is asked to begin again, so that nobody misses trials.
     assert participant.kinds.count("ready") == MOST_BROKEN_OFF
@@ -218,15 +218,7 @@ def test_time_ends_a_session(tmp_path: Path) -> None:
     study = write_study(tmp_path, TEXT.replace("bounds:", "limits: {minutes: 1}\nbounds:"))
     run_session(study, study.begin("P01"), Scripted(study, {"question": stop_at(4)}))
     log = study.resume("P01")
-    begun = log.record
-    session = Session(
-        study.protocol,
-        Plan(study.protocol, begun.seed, begun.row),
-        log,
-        SimulatedRig(study.protocol),
-        Scripted(study),
-        sleep=lambda _: None,
-    )
+    session = make_session(study, log)
     session.records[0] = replace(session.records[0], asked_steady=0, answered_steady=61 * 10**9)
     assert session.run().ended == "limit of time: trials have taken 1 min"
     log.close()
@@ -237,19 +229,11 @@ def test_a_log_of_another_plan_is_refused(study: Study) -> None:
     begun = study.begin("P01", seed=1)
     run_session(study, begun, Scripted(study, {"question": stop_at(4)}))
     with study.resume("P01") as log, pytest.raises(ParameterError, match="P01: the log is not of"):
-        Session(
-            study.protocol,
-            Plan(study.protocol, log.record.seed + 1, 0),
-            log,
-            SimulatedRig(study.protocol),
-            Scripted(study),
-        )
+        make_session(study, log, more_seed=1)
 
 
 def test_a_full_disk_stops_the_forces_and_loses_nothing(study: Study) -> None:
-    stops: list[None] = []
-    rig = SimulatedRig(study.protocol)
-    rig.stop = lambda: stops.append(None)  # type: ignore[method-assign]
+    rig, stops = noting_stops(study)
     log = study.begin("P01")
     kept, add = [], log.add
 
@@ -282,12 +266,10 @@ class Acknowledged(Scripted):
         self, screen: trials.Screen, trial: trials.PlannedTrial | None = None
     ) -> trials.Answer:
         answer = super().ask(screen, trial)
-        if name := {"question": f"{trial and trial.number}"}.get(screen.kind, ""):
+        if screen.kind in ("question", "consent"):
+            name = trial.number if trial else screen.kind
             os.write(self._notes, f"asked {name}\n".encode())
             self._given = f"acknowledged {name} {answer.value}\n".encode()
-        elif screen.kind == "consent":
-            os.write(self._notes, b"asked consent\n")
-            self._given = b"acknowledged consent agree\n"
         return answer
 
     def _see(self, screen: trials.Screen) -> str | None:

@@ -75,22 +75,16 @@ def _triangle(d: float) -> float:
     # two.
     x = np.linspace(0, 12, 4001)
     root = d * (2 / 3) ** 0.5
-    return float(
-        2
-        * trapezoid((norm.cdf(-x * 3**0.5 + root) + norm.cdf(-x * 3**0.5 - root)) * norm.pdf(x), x)
-    )
+    beyond = norm.cdf(-x * 3**0.5 + root) + norm.cdf(-x * 3**0.5 - root)
+    return float(2 * trapezoid(beyond * norm.pdf(x), x))
+
+
+THEORIES: list[tuple[str, Callable[[float], float]]] = [("2ifc", _two_intervals), ("abx", _abx)]
+THEORIES += [("same_different", _same_different), ("odd_one_out", _triangle)]
 
 
 @pytest.mark.parametrize("d", [0.0, 1.0, 2.5])
-@pytest.mark.parametrize(
-    ("task", "theory"),
-    [
-        ("2ifc", _two_intervals),
-        ("abx", _abx),
-        ("same_different", _same_different),
-        ("odd_one_out", _triangle),
-    ],
-)
+@pytest.mark.parametrize(("task", "theory"), THEORIES)
 def test_the_proportion_correct_follows_the_theory(
     task: str, theory: Callable[[float], float], d: float
 ) -> None:
@@ -105,9 +99,8 @@ def test_a_comparison_that_is_weaker_is_found_as_often() -> None:
 
 def test_the_preference_follows_thurstone() -> None:
     records = _records(_study("preference", 0.0, 1.0))
-    preferred = [
-        str(each.trial.stimuli[int(each.answer.value) - 1]) for each in records if each.answer
-    ]
+    answered = [(each.trial.stimuli, each.answer.value) for each in records if each.answer]
+    preferred = [str(stimuli[int(value) - 1]) for stimuli, value in answered]
     share = preferred.count("surface=s1") / len(preferred)
     assert share == pytest.approx(_two_intervals(1.0), abs=0.05)
 
@@ -122,10 +115,8 @@ def test_conditions_far_apart_are_identified_and_equal_ones_by_chance(
 
 def test_ratings_have_the_mean_of_their_strength() -> None:
     means = _mean_ratings(_study("rating", 40.0, 70.0))
-    assert means == {
-        "surface=s0": pytest.approx(40, abs=2),
-        "surface=s1": pytest.approx(70, abs=2),
-    }
+    expected = {"surface=s0": pytest.approx(40, abs=2), "surface=s1": pytest.approx(70, abs=2)}
+    assert means == expected
 
 
 def test_conditions_far_apart_are_rated_less_similar() -> None:
@@ -149,29 +140,21 @@ def test_lapses_are_random_but_admitted_answers(task: str) -> None:
 
 
 def test_at_the_threshold_d_prime_is_1() -> None:
-    protocol = make_levels(
-        values=(1.25, 1.5),
-        procedure=Procedure(repeats=REPEATS),
-        extras=EXTRAS,
-        observer=Observer(threshold=0.25, slope=2.0, lapse=0.0),
-    )
-    correct = {
-        level: np.mean([each.correct for each in _records(protocol) if each.trial.level == level])
-        for level in (1.25, 1.5)
-    }
-    assert correct[1.25] == pytest.approx(_two_intervals(1.0), abs=0.05)
-    assert correct[1.5] == pytest.approx(_two_intervals(4.0), abs=0.02)
+    given = {"procedure": Procedure(repeats=REPEATS), "extras": EXTRAS}
+    observer = Observer(threshold=0.25, slope=2.0, lapse=0.0)
+    records = _records(make_levels(values=(1.25, 1.5), observer=observer, **given))
+    for level, d, tolerance in ((1.25, 1.0, 0.05), (1.5, 4.0, 0.02)):
+        correct = np.mean([each.correct for each in records if each.trial.level == level])
+        assert correct == pytest.approx(_two_intervals(d), abs=tolerance)
 
 
 @pytest.mark.parametrize("scale", ["linear", "log"])
 def test_a_staircase_finds_the_level_of_its_proportion_correct(scale: str) -> None:
     step = {"linear": 0.02, "log": 1.1}[scale]
-    procedure = Procedure(
-        "staircase", down=2, step_up=step, step_down=step, trials=1000, reversals=100, tracks=4
-    )
-    protocol = make_levels(
-        values=(1.02, 2.0), scale=scale, procedure=procedure, observer=Observer(0.25, lapse=0.0)
-    )
+    long = {"trials": 1000, "reversals": 100, "tracks": 4}
+    procedure = Procedure("staircase", down=2, step_up=step, step_down=step, **long)
+    observer = Observer(0.25, lapse=0.0)
+    protocol = make_levels((1.02, 2.0), scale, procedure=procedure, observer=observer)
     levels = [each.trial.level for each in _records(protocol) if each.trial.level]
     # Two right answers in a row are as probable as not where d' / sqrt(2) = z(sqrt(1 / 2)).
     expected = 0.25 * 2**0.5 * norm.ppf(0.5**0.5)
@@ -179,12 +162,8 @@ def test_a_staircase_finds_the_level_of_its_proportion_correct(scale: str) -> No
 
 
 def test_quest_plus_presents_most_levels_near_the_threshold() -> None:
-    protocol = make_levels(
-        values=(1.02, 3.0),
-        scale="log",
-        procedure=Procedure("quest_plus", trials=200),
-        observer=Observer(0.25, lapse=0.0),
-    )
+    given = {"procedure": Procedure("quest_plus", trials=200), "scale": "log"}
+    protocol = make_levels(values=(1.02, 3.0), observer=Observer(0.25, lapse=0.0), **given)
     levels = [each.trial.level for each in _records(protocol) if each.trial.level]
     assert 0.1 < np.median(levels) - 1 < 0.8
 
@@ -250,9 +229,8 @@ def test_a_written_study_is_the_simulated_one(tmp_path: Path) -> None:
     simulated = simulate_study(study.protocol, 3, 5)
     for written, each in zip(study.sessions, simulated, strict=True):
         assert written.participant == each.participant
-        assert [record.answer for record in written.records] == [
-            record.answer for record in each.records
-        ]
+        answers = [record.answer for record in each.records]
+        assert [record.answer for record in written.records] == answers
 
 
 def test_power_has_an_interval() -> None:

@@ -24,7 +24,7 @@ from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.protocol import Condition, Protocol
 from haptic_accel.kits.study.session import SimulatedRig
 from haptic_accel.kits.study.trials import COMPLETE, PresentedStimulus, UndeliveredError
-from verbs import next_command, output_of, status_of
+from verbs import next_command, output_of, refusal, status_of
 
 Act = Callable[[Mapping[str, Any]], tuple[str, Any] | None]
 """Returns what a page sends at a screen, or nothing."""
@@ -110,6 +110,9 @@ class Visitor:
             assert answer.status == 200, await answer.text()
 
 
+Visiting = Callable[..., Visitor]
+
+
 @pytest.fixture
 def visitor(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Act], Visitor]]:
     """Return what makes a visitor open the page of the next command."""
@@ -136,7 +139,7 @@ def words(study: Study, verb: str = "run") -> tuple[object, ...]:
 
 
 def test_a_participant_goes_through_a_study(
-    study: Study, visitor: Callable[..., Visitor], capsys: pytest.CaptureFixture[str]
+    study: Study, visitor: Visiting, capsys: pytest.CaptureFixture[str]
 ) -> None:
     visited = visitor()
     assert status_of(*words(study)) == 0
@@ -152,15 +155,12 @@ def test_a_participant_goes_through_a_study(
     assert visited.kinds[-1] == "end"
 
 
-def test_the_participant_stops_and_goes_on(
-    study: Study, visitor: Callable[..., Visitor], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_participant_stops_and_goes_on(study: Study, visitor: Visiting) -> None:
     def stop(screen: Mapping[str, Any]) -> tuple[str, Any] | None:
         return ("stop", None) if screen["kind"] == "break" else first_answer(screen)
 
     visitor(stop)
-    assert status_of(*words(study)) == 1
-    shown = capsys.readouterr().out
+    shown = output_of(*words(study), status=1)
     assert "P07: stopped by the participant" in shown
     assert next_command(shown) == [str(word) for word in words(study, "resume")]
     visited = visitor()
@@ -170,7 +170,7 @@ def test_the_participant_stops_and_goes_on(
     assert "consent" not in visited.kinds
 
 
-def test_ctrl_c_ends_a_sitting(study: Study, visitor: Callable[..., Visitor]) -> None:
+def test_ctrl_c_ends_a_sitting(study: Study, visitor: Visiting) -> None:
     def interrupt(screen: Mapping[str, Any]) -> tuple[str, Any] | None:
         if screen["kind"] == "question":
             os.kill(os.getpid(), signal.SIGINT)
@@ -183,15 +183,11 @@ def test_ctrl_c_ends_a_sitting(study: Study, visitor: Callable[..., Visitor]) ->
 
 
 def test_a_run_that_is_refused_leaves_no_participant(
-    study: Study,
-    visitor: Callable[..., Visitor],
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    study: Study, visitor: Visiting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     visitor()
     monkeypatch.setattr(StandIn, "trouble", "graph: its arms are not engaged after 60 s")
-    assert status_of(*words(study)) == 1
-    assert capsys.readouterr().err == f"haptic-accel: {StandIn.trouble}\n"
+    assert refusal(*words(study), status=1) == StandIn.trouble
     assert study.sessions == []
     assert not study.participant_folder("P07").exists()
     monkeypatch.setattr(StandIn, "trouble", "")
@@ -202,9 +198,7 @@ def test_a_run_that_is_refused_leaves_no_participant(
     assert study.sessions[0].ended == COMPLETE
 
 
-def test_the_head_of_the_log_is_printed_and_verified(
-    study: Study, visitor: Callable[..., Visitor]
-) -> None:
+def test_the_head_of_the_log_is_printed_and_verified(study: Study, visitor: Visiting) -> None:
     visitor()
     noted = output_of(*words(study)).partition("for the notebook: P07, line ")[2]
     line, _, head = noted.strip().partition(", ")

@@ -34,10 +34,8 @@ def test_each_attempt_has_a_row_and_only_delivered_main_trials_count() -> None:
     trials = tables(STUDY, [repeated(complete(), 3)]).trials
     assert len(trials) == 1 + 20 + 2 + 1
     assert trials.counted.sum() == 20
-    assert trials[trials.trial == 3][["attempt", "counted", "flaw"]].to_numpy().tolist() == [
-        [0, False, FLAW],
-        [1, True, ""],
-    ]
+    both = trials[trials.trial == 3][["attempt", "counted", "flaw"]]
+    assert both.to_numpy().tolist() == [[0, False, FLAW], [1, True, ""]]
     assert not trials[trials.kind != "main"].counted.any()
 
 
@@ -70,20 +68,17 @@ def test_no_factor_has_the_name_of_another_column() -> None:
 
 def test_a_session_that_was_stopped_is_excluded() -> None:
     stopped = replace(complete(), ended="stopped by the participant")
-    assert exclusions(STUDY, [stopped, complete("P02")]) == {
-        "P01": "session not complete (stopped by the participant)"
-    }
+    why = "session not complete (stopped by the participant)"
+    assert exclusions(STUDY, [stopped, complete("P02")]) == {"P01": why}
 
 
 def test_wrong_catch_trials_exclude() -> None:
     found = complete()
-    wrong = tuple(
-        replace(each, answer=replace(each.answer, value="0"))
-        if each.trial.kind == CATCH and each.answer and each is found.records[-1]
-        else each
-        for each in found.records
-    )
-    half = replace(found, records=wrong)
+    *others, last = found.records
+    assert last.trial.kind == CATCH
+    assert last.answer
+    wrong = replace(last, answer=replace(last.answer, value="0"))
+    half = replace(found, records=(*others, wrong))
     assert catch_correct(half) == 50.0
     assert exclusions(STUDY, [half]) == {"P01": "50 % of catch trials correct, less than 75 %"}
 
@@ -100,9 +95,8 @@ def test_trials_that_were_left_out_exclude_above_the_bound() -> None:
 
 def test_a_session_of_another_version_is_excluded() -> None:
     changed = replace(STUDY, digest="f" * 64)
-    assert exclusions(changed, [complete()]) == {
-        "P01": "version 01234567 of the protocol, not ffffffff"
-    }
+    why = "version 01234567 of the protocol, not ffffffff"
+    assert exclusions(changed, [complete()]) == {"P01": why}
 
 
 def test_a_session_without_trials_has_a_row() -> None:

@@ -94,15 +94,11 @@ def preferences(worths: FloatArray, spread: float, rng: np.random.Generator) -> 
 @pytest.mark.parametrize("spread", [0.0, 0.5])
 def test_worths_of_many_studies_are_unbiased_and_covered(spread: float) -> None:
     worths = np.array([0.6, 0.1, -0.2, -0.5])
-    found = [
-        choices.bradley_terry(preferences(worths, spread, np.random.default_rng([seed, 6])))
-        for seed in range(300)
-    ]
+    generators = (np.random.default_rng([seed, 6]) for seed in range(300))
+    found = [choices.bradley_terry(preferences(worths, spread, rng)) for rng in generators]
     values = np.array([[each.value for each in study] for study in found])
-    held = [
-        [each.low <= w <= each.high for each, w in zip(study, worths, strict=True)]
-        for study in found
-    ]
+    pairs = [zip(study, worths, strict=True) for study in found]
+    held = [[each.low <= worth <= each.high for each, worth in study] for study in pairs]
     # The worth of the group is nearer to 0 than that of its members: a mean of curves is flat.
     assert values.mean(axis=0) == pytest.approx(worths, abs=0.02 if spread == 0 else 0.05)
     assert np.mean(held) == pytest.approx(0.95, abs=0.025)
@@ -132,10 +128,8 @@ def test_known_channels() -> None:
 
 def test_the_information_of_guesses_is_corrected() -> None:
     rng = np.random.default_rng(8)
-    found = [
-        choices.information_transfer(rng.multinomial(125, [1 / 25] * 25).reshape(5, 5))
-        for _ in range(300)
-    ]
+    tables = rng.multinomial(125, [1 / 25] * 25, 300).reshape(300, 5, 5)
+    found = [choices.information_transfer(table) for table in tables]
     assert np.mean([each.uncorrected for each in found]) > 0.08
     unclipped = np.mean([each.uncorrected for each in found]) - 16 / (2 * 125 * math.log(2))
     assert unclipped == pytest.approx(0.0, abs=0.01)

@@ -44,11 +44,8 @@ INTERVALS = [
 # Least number of correct answers that is significant at 10, 5, 1 and 0.1 % in triangle tests:
 # FAO, Guidelines for sensory evaluation, V7180E, appendix A (also ISO 4120).
 TRIANGLE_TABLE = {
-    10: (6, 7, 8, 9),
-    20: (10, 11, 13, 14),
-    30: (14, 15, 17, 19),
-    60: (26, 27, 30, 33),
-    96: (39, 41, 44, 48),
+    **{10: (6, 7, 8, 9), 20: (10, 11, 13, 14), 30: (14, 15, 17, 19)},
+    **{60: (26, 27, 30, 33), 96: (39, 41, 44, 48)},
 }
 
 
@@ -61,9 +58,9 @@ def test_proportions_are_those_of_sensr(task: str) -> None:
 @pytest.mark.parametrize("task", detection.CHANCE)
 def test_sensitivities_are_those_of_sensr(task: str) -> None:
     # Proportions are stated to four digits, which move d' by up to a thousandth.
-    assert [detection.sensitivity(task, p) for p in INVERSE[task][0]] == pytest.approx(
-        INVERSE[task][1], abs=1e-3
-    )
+    proportions, expected = INVERSE[task]
+    found = [detection.sensitivity(task, each) for each in proportions]
+    assert found == pytest.approx(expected, abs=1e-3)
 
 
 @pytest.mark.parametrize(("task", "correct", "limits"), INTERVALS)
@@ -166,14 +163,10 @@ def test_an_upper_limit_is_infinite_without_an_error() -> None:
     assert detection.d_prime_by_answers(20, 20, 0, 20).high == math.inf
 
 
-@pytest.mark.parametrize(
-    "found",
-    [
-        detection.d_prime("abx", 0, 0),
-        detection.d_prime_by_answers(0, 0, 1, 2),
-        detection.exact_binomial(0, 0, 0.5).interval,
-    ],
-)
+EMPTY = [detection.d_prime("abx", 0, 0), detection.d_prime_by_answers(0, 0, 1, 2)]
+
+
+@pytest.mark.parametrize("found", [*EMPTY, detection.exact_binomial(0, 0, 0.5).interval])
 def test_without_trials_there_is_no_number(found: Interval) -> None:
     assert math.isnan(found.value)
     assert math.isnan(found.low)

@@ -96,11 +96,8 @@ def logarithmic_priors(x: FloatArray) -> dict[str, Callable[[FloatArray], FloatA
         slope = np.log(per_width / w)
         return falling(np.maximum(lowest - slope, slope - highest) / SLOPE_MARGIN)
 
-    return {
-        "threshold": threshold,
-        "width": width,
-        "lambda": lambda lapse: stats.beta.pdf(lapse, 1, LAPSE),
-    }
+    lapses = stats.beta(1, LAPSE)
+    return {"threshold": threshold, "width": width, "lambda": lapses.pdf}
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -137,9 +134,8 @@ def test_a_fit_is_that_of_psignifit(seed: int) -> None:
     # A grid of 60 thresholds shifts psignifit's limits down by 0.02; ours is within 0.03.
     assert found == pytest.approx([low, high], abs=0.06)
     low, high = limits["width"]["0.95"]
-    assert [ours.slope.low, ours.slope.high] == pytest.approx(
-        [per_width / high, per_width / low], rel=0.08
-    )
+    slope = ours.slope
+    assert [slope.low, slope.high] == pytest.approx([per_width / high, per_width / low], rel=0.08)
 
 
 TRUTHS = [{}, {"lapse": 0.0}, {"lapse": 0.1}]
@@ -161,9 +157,8 @@ def check(method: str, truth: dict[str, float], studies: int) -> None:
     for name in ("threshold", "slope"):
         intervals, true = [getattr(each, name) for each in found], truth.get(name, 1.0)
         assert np.mean([each.low <= true <= each.high for each in intervals]) >= 0.94 - noise, name
-    bias = np.mean(np.log([each.threshold.value for each in found])) - math.log(
-        truth.get("threshold", 1.0)
-    )
+    thresholds = [each.threshold.value for each in found]
+    bias = np.mean(np.log(thresholds)) - math.log(truth.get("threshold", 1.0))
     assert abs(bias) < 0.06 + (0.1 if truth.get("lapse", 0) == 0.1 else 0)
 
 
@@ -188,10 +183,10 @@ def test_equal_levels_are_pooled() -> None:
     assert single == fit_psychometric([1, 2], [2, 2], [3, 2], "abx")
 
 
-@pytest.mark.parametrize(
-    ("distances", "correct", "trials"),
-    [([1.0], [0], [0]), ([0.0, 1.0], [1, 1], [2, 2]), ([1.0], [3], [2]), ([1.0], [-1], [2])],
-)
+WRONG = [([1.0], [0], [0]), ([0.0, 1.0], [1, 1], [2, 2]), ([1.0], [3], [2]), ([1.0], [-1], [2])]
+
+
+@pytest.mark.parametrize(("distances", "correct", "trials"), WRONG)
 def test_impossible_counts_are_refused(
     distances: list[float], correct: list[int], trials: list[int]
 ) -> None:
@@ -225,13 +220,10 @@ def test_any_answers_give_an_ordered_result(
 
 @pytest.mark.parametrize("kind", ["constant", "staircase", "quest_plus"])
 def test_thresholds_of_simulated_participants_are_covered_by_each_procedure(kind: str) -> None:
-    protocol = make_levels(
-        values=(1.1, 1.2, 1.3, 1.4, 1.6, 1.8, 2.2),
-        scale="log",
-        procedure=Procedure(kind, repeats=10, trials=60, step_up=1.4, step_down=1.4),
-        extras=Extras(practice=0),
-        observer=Observer(threshold=0.4),
-    )
+    procedure = Procedure(kind, repeats=10, trials=60, step_up=1.4, step_down=1.4)
+    given = {"procedure": procedure, "extras": Extras(practice=0)}
+    values, observed = (1.1, 1.2, 1.3, 1.4, 1.6, 1.8, 2.2), Observer(threshold=0.4)
+    protocol = make_levels(values, "log", observer=observed, **given)
     found = []
     for seed in range(10):
         records = list(run(Plan(protocol, seed, 0), asking(SimulatedParticipant(protocol, seed))))
