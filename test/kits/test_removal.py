@@ -10,14 +10,13 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import pytest
 
 from foreign_packages import declare
-from running import Command
+from running import Start, python
 
 SOURCE = Path(__file__).resolve().parents[2]
 KITS = sorted(path.parent.name for path in SOURCE.glob("haptic_accel/kits/*/__init__.py"))
@@ -82,14 +81,7 @@ def house(folder: Path, removed: Collection[str]) -> Path:
 
 def ended(folder: Path, *words: str, beside: str = "") -> subprocess.CompletedProcess[str]:
     """Run Python with the package in a folder, and what is in another folder beside it."""
-    return subprocess.run(
-        [sys.executable, *words],
-        env=os.environ | {"PYTHONPATH": f"{folder}:{beside}"},
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return python(*words, env=os.environ | {"PYTHONPATH": f"{folder}:{beside}"}, cwd=folder)
 
 
 def run(folder: Path, *words: str, beside: str = "") -> subprocess.CompletedProcess[str]:
@@ -159,14 +151,13 @@ def test_without_its_kit_a_peer_is_refused_in_one_line(bare: Path) -> None:
     words = "teleop", "side:=slave", "peer:=127.0.0.1"
     found = ended(bare, *MAIN, *words)
     assert (found.returncode, found.stdout) == (2, "")
-    assert (
-        found.stderr == "haptic-accel: side:=slave: needs the kit link, which is not installed\n"
-    )
+    needed = "side:=slave: needs the kit link, which is not installed"
+    assert found.stderr == f"haptic-accel: {needed}\n"
 
 
 @pytest.mark.quiet
 def test_without_kits_a_surface_is_touched(
-    bare: Path, start: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
+    bare: Path, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", str(bare))
     touching = start(*MAIN, "touch", "--no-open")
@@ -176,7 +167,7 @@ def test_without_kits_a_surface_is_touched(
 
 @pytest.mark.quiet
 def test_without_kits_the_graph_runs(
-    bare: Path, start: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
+    bare: Path, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", str(bare))
     running = start(*MAIN, "teleop", "duration:=1", "record:=false")
@@ -203,10 +194,7 @@ def test_another_package_adds_a_verb(bare: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        (
-            "import no_such_module",
-            "weigh: lab_weighing: ModuleNotFoundError: No module named 'no_such_module'",
-        ),
+        ("import lab", "weigh: lab_weighing: ModuleNotFoundError: No module named 'lab'"),
         ("raise SystemExit(3)", "weigh: lab_weighing: SystemExit: 3"),
         ("", "weigh: lab_weighing has no click command of this name"),
     ],

@@ -10,7 +10,6 @@ import json
 import re
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -30,7 +29,7 @@ from haptic_accel.kits.bringup.bench import STEPS
 from haptic_accel.setup.files import read_parameter_file
 from haptic_accel.setup.rig_file import note_step, noted_steps
 from refusals import assert_refused, rows
-from running import Command, piped
+from running import Command, Start, piped, python
 from sound_cards import NAME, sound_card, sound_world
 from terminals import Terminal
 
@@ -93,9 +92,8 @@ def bring_up(folder: Path, hands: Hands | CardHands, *words: str) -> tuple[int, 
 def test_unknown_boards_become_a_rig_in_five_steps(
     terminals: Any, domain: int, tmp_path: Path
 ) -> None:
-    boards = terminals(
-        *("-m", "haptic_accel.cli.main", "emulate", "serial", "folder:=boards"), "fault_seconds:=3"
-    )
+    words = ("-m", "haptic_accel.cli.main", "emulate", "serial", "folder:=boards")
+    boards = terminals(*words, "fault_seconds:=3")
     boards.wait_for("keys: ")
     hands = Hands(boards)
     short = tmp_path / "short.yaml"
@@ -115,9 +113,8 @@ def test_unknown_boards_become_a_rig_in_five_steps(
     )
     found = values["compensator"]["plant.handle.m_h"]
     assert found == pytest.approx(MasterRigParameters().handle.m_h, rel=0.1)
-    assert [*noted_steps(tmp_path / "rig.yaml")] == [
-        *("connect", "calibrate", "make_safe", "identify", "prove")
-    ]
+    steps = ("connect", "calibrate", "make_safe", "identify", "prove")
+    assert (*noted_steps(tmp_path / "rig.yaml"),) == steps
     # What is done is not done again.
     status, lines = bring_up(tmp_path, hands)
     assert status == 0
@@ -153,13 +150,7 @@ def test_a_bring_up_goes_on_where_it_ended(terminals: Any, tmp_path: Path) -> No
 
 @pytest.mark.quiet
 def test_without_boards_it_says_what_to_plug_in_and_ends(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, *WORDS, "ports:=nowhere"],
-        cwd=tmp_path,
-        input="",
-        capture_output=True,
-        text=True,
-    )
+    done = python(*WORDS, "ports:=nowhere", cwd=tmp_path, input="")
     assert done.returncode == 1
     assert "NOT PASSED: " in done.stdout
     assert "nowhere: there is no such port" in done.stdout
@@ -209,7 +200,7 @@ class AtPage:
 
 @pytest.fixture
 def at_page(
-    haptic_accel: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
+    haptic_accel: Start, monkeypatch: pytest.MonkeyPatch
 ) -> Callable[..., tuple[Command, AtPage]]:
     """Start a bring-up at a page."""
     for screen in ("DISPLAY", "WAYLAND_DISPLAY"):
@@ -271,13 +262,7 @@ def test_a_coil_on_a_sound_card_is_made_safe(tmp_path: Path) -> None:
     (tmp_path / "card.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
     devices = ["master:=simulated", "slave:=simulated", "actuator:=audio"]
     with sound_card(tmp_path):
-        done = subprocess.run(
-            [sys.executable, *WORDS, *devices, "params_file:=card.yaml"],
-            cwd=tmp_path,
-            input="\n",  # nobody answers once the handle is to be identified
-            capture_output=True,
-            text=True,
-        )
+        done = python(*WORDS, *devices, "params_file:=card.yaml", cwd=tmp_path, input="\n")
     assert done.returncode == 1
     assert f"handle: sound card {NAME}, channel 1" in done.stdout
     passed = [line for line in done.stdout.splitlines() if line.startswith("ok: ")]
@@ -350,13 +335,8 @@ def test_handle_and_tool_on_a_sound_card_become_a_rig(
 def test_arms_on_can_are_connected_with_what_their_file_says(start: Any, tmp_path: Path) -> None:
     arms = start("-m", "haptic_accel.cli.main", "emulate", "can", "folder:=arms")
     arms.wait_for("teleop master:=can")
-    done = subprocess.run(
-        [sys.executable, *WORDS, "master:=can", "slave:=can", "params_file:=arms/can.yaml"],
-        cwd=tmp_path,
-        input="\n\n",
-        capture_output=True,
-        text=True,
-    )
+    words = ("master:=can", "slave:=can", "params_file:=arms/can.yaml")
+    done = python(*WORDS, *words, cwd=tmp_path, input="\n\n")
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("move it away, to the left and up") == 2
     assert "ok: no accelerometer on both arms" in done.stdout

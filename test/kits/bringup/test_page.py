@@ -54,9 +54,8 @@ class TwoSteps:
     def __init__(self) -> None:
         self.guide = Guide(STEPS)
         self.answers: list[str] = []
-        self.server = ScopeServer(
-            self.guide, Access("127.0.0.1"), "127.0.0.1", 0, self.guide.act, "bring_up"
-        )
+        access = Access("127.0.0.1")
+        self.server = ScopeServer(self.guide, access, "127.0.0.1", 0, self.guide.act, "bring_up")
         self.thread = threading.Thread(target=self._run, daemon=True)
         self.address = self.server.start()
         self.thread.start()

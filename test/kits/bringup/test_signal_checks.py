@@ -60,9 +60,8 @@ def test_the_response_is_that_of_the_probed_system(phase: float) -> None:
     force = 0.3 * np.cos(omega * time)
     acceleration = 0.3 * 7.0 * np.cos(omega * time + phase) + at_rest()
     acceleration[::50] = np.nan
-    assert signal_checks.response(force, acceleration, RATE) == pytest.approx(
-        cmath.rect(7.0, phase), abs=0.1
-    )
+    expected = pytest.approx(cmath.rect(7.0, phase), abs=0.1)
+    assert signal_checks.response(force, acceleration, RATE) == expected
 
 
 def test_responses_are_judged() -> None:
@@ -87,9 +86,7 @@ def test_the_time_until_a_handle_is_quiet_is_that_of_its_decay() -> None:
     time = np.arange(1000) / RATE
     envelope = np.where(time < 0.5, 1.0, np.exp(-(time - 0.5) / 0.02))
     signal = 3.0 * envelope * np.cos(2 * math.pi * signal_checks.PROBE_FREQUENCY * time)
-    assert signal_checks.quiet_after(signal, RATE, 500, noise=0.0) == pytest.approx(
-        0.046, abs=0.01
-    )
+    assert signal_checks.quiet_after(signal, RATE, 500, 0.0) == pytest.approx(0.046, abs=0.01)
     assert signal_checks.quiet_after(np.ones(1000), RATE, 500, noise=0.0) == math.inf
     assert signal_checks.quiet_after(np.where(time < 0.5, 1.0, 0.0), RATE, 500, noise=0.0) == 0.0
 

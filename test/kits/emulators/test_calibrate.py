@@ -138,9 +138,8 @@ def test_a_calibration_goes_into_the_file_of_the_rig(board: Turned, tmp_path: Pa
 def test_six_poses_give_the_mounting_of_a_tools_sensor(board: Turned, tmp_path: Path) -> None:
     rig = tmp_path / "rig.yaml"
     rig.write_text("/**: {ros__parameters: {rate: 1000.0}}\n")
-    command = calibrate(
-        tmp_path, "port:=port", "side:=slave", "axis:=xyz", "seconds:=0.2", "--update", "rig.yaml"
-    )
+    words = ("port:=port", "side:=slave", "axis:=xyz", "seconds:=0.2")
+    command = calibrate(tmp_path, *words, "--update", "rig.yaml")
     assert command.stdin
     assert command.stdout
     for name in POSES:

@@ -44,9 +44,8 @@ def test_a_frame_comes_back(frame: Frame) -> None:
 
 
 def test_lines_are_those_of_the_manual() -> None:
-    assert (
-        frame_line(Frame(0x100, bytes.fromhex("0011223344556677"))) == b"t10080011223344556677\r"
-    )
+    frame = Frame(0x100, bytes.fromhex("0011223344556677"))
+    assert frame_line(frame) == b"t10080011223344556677\r"
     assert frame_line(Frame(0x7, b"", remote=True)) == b"r0070\r"
 
 
@@ -88,10 +87,12 @@ PERIOD = 1 / RATE
 CLOSED = protocol.AxisState.CLOSED_LOOP_CONTROL
 
 
-def order(frame: protocol.Frame) -> protocol.Message:
-    found = protocol.parse_order(frame)
-    assert found is not None
-    return found
+def obey(axis: EmulatedAxis, *orders: protocol.Message, now: float = 0.0) -> None:
+    """Let an axis execute orders as they arrive by the bus."""
+    for order in orders:
+        found = protocol.parse_order(order.frame())
+        assert found is not None
+        axis.execute(found, now)
 
 
 def axis(watchdog: float = 0.0) -> EmulatedAxis:
@@ -100,34 +101,25 @@ def axis(watchdog: float = 0.0) -> EmulatedAxis:
 
 def armed(watchdog: float = 0.0) -> EmulatedAxis:
     found = axis(watchdog)
-    for frame in (
-        protocol.SetMode(1).frame(),
-        protocol.SetState(1, CLOSED).frame(),
-        protocol.SetTorque(1, 0.5).frame(),
-    ):
-        found.execute(order(frame), 0.0)
+    obey(found, protocol.SetMode(1), protocol.SetState(1, CLOSED), protocol.SetTorque(1, 0.5))
     return found
 
 
 def heartbeat(of: EmulatedAxis, now: float) -> protocol.Heartbeat:
-    beats = [
-        answer
-        for frame in of.due(now)
-        if isinstance(answer := protocol.parse_report(frame), protocol.Heartbeat)
-    ]
-    assert len(beats) == 1
-    return beats[0]
+    reports = map(protocol.parse_report, of.due(now))
+    (beat,) = (each for each in reports if isinstance(each, protocol.Heartbeat))
+    return beat
 
 
 def test_it_has_a_torque_only_in_closed_loop_and_torque_control() -> None:
     one = axis()
-    one.execute(order(protocol.SetTorque(1, 0.5).frame()), 0.0)
+    obey(one, protocol.SetTorque(1, 0.5))
     assert one.torque == 0.0
-    one.execute(order(protocol.SetState(1, CLOSED).frame()), 0.0)
+    obey(one, protocol.SetState(1, CLOSED))
     assert one.torque == 0.0
-    one.execute(order(protocol.SetMode(1).frame()), 0.0)
+    obey(one, protocol.SetMode(1))
     assert one.torque == 0.5
-    one.execute(order(protocol.SetState(1, protocol.AxisState.IDLE).frame()), 0.0)
+    obey(one, protocol.SetState(1, protocol.AxisState.IDLE))
     assert one.torque == 0.0
 
 
@@ -144,32 +136,29 @@ def test_silence_makes_it_let_go_with_an_error() -> None:
     one = armed(watchdog=0.05)
     one.due(0.04)
     assert one.torque == 0.5
-    one.execute(order(protocol.EstimatesRequest(1).frame()), 0.04)  # anything feeds it
+    obey(one, protocol.EstimatesRequest(1), now=0.04)  # anything feeds it
     one.due(0.08)
     assert one.torque == 0.5
     one.due(0.1)
     assert one.torque == 0.0
     beat = heartbeat(one, 0.5)
-    assert beat == protocol.Heartbeat(
-        1, protocol.WATCHDOG_TIMER_EXPIRED["0.6"], protocol.AxisState.IDLE
-    )
+    expired = protocol.WATCHDOG_TIMER_EXPIRED["0.6"]
+    assert beat == protocol.Heartbeat(1, expired, protocol.AxisState.IDLE)
 
 
 def test_with_an_error_it_does_not_go_into_closed_loop_until_cleared() -> None:
     one = armed()
-    one.execute(order(protocol.EmergencyStop(1).frame()), 0.0)
+    obey(one, protocol.EmergencyStop(1))
     assert one.torque == 0.0
     assert protocol.error_names(heartbeat(one, 0.0).error, "0.6") == "ESTOP_REQUESTED"
-    one.execute(order(protocol.SetState(1, CLOSED).frame()), 0.0)
+    obey(one, protocol.SetState(1, CLOSED))
     assert not one.armed
-    one.execute(order(protocol.ClearErrors(1).frame()), 0.0)
-    one.execute(order(protocol.SetState(1, CLOSED).frame()), 0.0)
+    obey(one, protocol.ClearErrors(1), protocol.SetState(1, CLOSED))
     assert one.armed
 
 
-any_frames = st.builds(
-    protocol.Frame, st.integers(0, 0x7FF), st.binary(max_size=8), remote=st.booleans()
-)
+ids, payloads = st.integers(0, 0x7FF), st.binary(max_size=8)
+any_frames = st.builds(protocol.Frame, ids, payloads, remote=st.booleans())
 
 
 def new_slave() -> Device:
@@ -205,20 +194,17 @@ class Rigged:
                 self.arm.receive(answer, self.now)
         return True
 
-    def step(self) -> None:
-        self.now += PERIOD
-        for frame in self.emulated.due(self.now):
-            self.arm.receive(frame, self.now)
-        self.arm.update(self.now)
+    def step(self, times: int = 1) -> None:
+        for _ in range(times):
+            self.now += PERIOD
+            for frame in self.emulated.due(self.now):
+                self.arm.receive(frame, self.now)
+            self.arm.update(self.now)
 
 
 GEARED = {
-    "joint1__gear_ratio": 8.0,
-    "joint1__direction": -1,
-    "joint2__gear_ratio": 5.0,
-    "joint2__offset": 0.3,
-    "joint3__node_id": 17,
-    "joint3__direction": -1,
+    **{"joint1__gear_ratio": 8.0, "joint1__direction": -1, "joint2__gear_ratio": 5.0},
+    **{"joint2__offset": 0.3, "joint3__node_id": 17, "joint3__direction": -1},
 }
 
 
@@ -237,11 +223,9 @@ def test_coupled_arms_move_together(values: dict[str, object]) -> None:
     # Without noise nothing would move: the hand waits for a first force.
     sides = [Rigged(new, seed, **values) for seed, new in enumerate((new_master, new_slave))]
     for side in sides:
-        for _ in range(100):
-            side.step()
+        side.step(100)
         side.arm.arm(side.now)
-        for _ in range(100):
-            side.step()
+        side.step(100)
         assert side.arm.state is State.ARMED, side.arm.fault
     coupling = PositionPositionCoupling(passive.CouplingParameters())
     tips: list[tuple[np.ndarray, np.ndarray]] = []
@@ -268,8 +252,7 @@ def test_coupled_arms_move_together(values: dict[str, object]) -> None:
 
 def test_an_arm_that_is_left_alone_is_put_back() -> None:
     side = Rigged(new_slave)
-    for _ in range(100):
-        side.step()
+    side.step(100)
     start = side.arm.read(side.now).position
     side.arm.arm(side.now)
     for _ in range(300):
@@ -278,16 +261,14 @@ def test_an_arm_that_is_left_alone_is_put_back() -> None:
     assert side.emulated.driven
     assert side.arm.read(side.now).position[0] > start[0] + 0.01
     side.arm.disarm()
-    for _ in range(round(1.2 * RATE)):
-        side.step()
+    side.step(round(1.2 * RATE))
     assert side.arm.read(side.now).position == pytest.approx(start, abs=1e-4)
     assert not side.emulated.driven
 
 
 def test_no_push_takes_it_where_it_cannot_be_computed() -> None:
     side = Rigged(new_slave)
-    for _ in range(100):
-        side.step()
+    side.step(100)
     side.arm.arm(side.now)
     for _ in range(round(2 * RATE)):
         side.arm.apply((3.0, 0.0, 3.0), side.now)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +18,8 @@ from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.setup.arguments import parse_arguments
 from haptic_accel.setup.files import read_parameter_file
-from running import Command
+from running import Start
 from verbs import output_of, status_of
-
-Start = Callable[..., Command]
 
 RATE = 100.0  # Hz, so that it runs beside other tests
 
@@ -50,15 +47,9 @@ def test_the_arms_couple_over_slcan_and_do_so_again_after_an_unplugging(
     haptic_accel: Start, tmp_path: Path
 ) -> None:
     folder, bag_path = tmp_path / "emulated", tmp_path / "bag"
-    emulator = haptic_accel(
-        "emulate",
-        "can",
-        f"folder:={folder}",
-        f"rate:={RATE:g}",
-        "kinematics:=planar",
-        "faults:=unplug@2.5",
-        "fault_seconds:=0.3",
-    )
+    given = (f"folder:={folder}", f"rate:={RATE:g}", "kinematics:=planar")
+    faults = ("faults:=unplug@2.5", "fault_seconds:=0.3")
+    emulator = haptic_accel("emulate", "can", *given, *faults)
     line = emulator.wait_for("haptic-accel teleop master:=can slave:=can")
     words = line.split()[1:]
     teleop = haptic_accel(*words, "duration:=5", f"bag:={bag_path}")
@@ -97,10 +88,8 @@ def test_both_arms_may_be_on_one_bus(tmp_path: Path) -> None:
     arguments = parse_arguments([f"params_file:={tmp_path}/can.yaml"])
     assert (arguments.master, arguments.slave) == ("can", "can")
     given = written(tmp_path)
-    nodes = [
-        [given[node][f"joint{number}.node_id"] for number in (1, 2, 3)]
-        for node in ("master_device", "slave_device")
-    ]
+    devices, joints = ("master_device", "slave_device"), (1, 2, 3)
+    nodes = [[given[node][f"joint{number}.node_id"] for number in joints] for node in devices]
     assert nodes == [[0, 1, 2], [3, 4, 5]]
 
 

@@ -10,20 +10,19 @@ import pty
 import signal
 import socket
 import subprocess
-from collections.abc import Callable
 from contextlib import closing
 
 import pytest
 
 from haptic_accel.core.process import module_command
-from running import PATIENCE, Command, free_ports
+from running import PATIENCE, Start, free_ports
 from verbs import refusal
 
 EMULATE = ("emulate", "network")
 
 
 @pytest.mark.quiet
-def test_datagrams_go_from_one_side_to_the_other(haptic_accel: Callable[..., Command]) -> None:
+def test_datagrams_go_from_one_side_to_the_other(haptic_accel: Start) -> None:
     peers = free_ports(), free_ports()
     first, third = (int(peer.rpartition(":")[2]) for peer in peers)
     command = haptic_accel(*EMULATE, f"master:={peers[0]}", f"slave:={peers[1]}")

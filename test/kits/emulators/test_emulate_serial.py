@@ -9,7 +9,6 @@ import math
 import shlex
 import signal
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +28,7 @@ from haptic_accel.devices.serial.device import SerialMaster, SerialMasterParamet
 from haptic_accel.devices.serial.protocol import FULL_SCALE
 from haptic_accel.setup.files import read_parameter_file
 from observing import Observer
-from running import PATIENCE, Command, piped
-
-Start = Callable[..., Command]
+from running import PATIENCE, Start, piped
 
 RATE = 1000.0
 FREQUENCY = 100.0
@@ -91,10 +88,11 @@ def test_no_force_is_called_held_while_a_board_is_disarmed(
     assert boards.end(signal.SIGINT) == 0, boards.text
 
 
+RIGS = [("paper", "z", "ud"), ("three_axis", "xyz", "123456")]
+
+
 @pytest.mark.quiet
-@pytest.mark.parametrize(
-    ("rig", "axis", "keys"), [("paper", "z", "ud"), ("three_axis", "xyz", "123456")]
-)
+@pytest.mark.parametrize(("rig", "axis", "keys"), RIGS)
 def test_keys_turn_the_boards_over_for_a_calibration(
     terminals: Any, tmp_path: Path, rig: str, axis: str, keys: str
 ) -> None:
@@ -136,11 +134,8 @@ def test_boards_of_a_handle_with_three_coils_are_driven_along_each(
     boards = haptic_accel("emulate", "serial", "rig:=three_axis", "folder:=boards")
     assert "slave:=serial rig:=three_axis params_file:=" in boards.wait_for("teleop")
     nodes = read_parameter_file(tmp_path / "boards" / "serial.yaml")
-    values = {
-        name.removeprefix("serial."): value
-        for name, value in nodes["master_device"].items()
-        if name.startswith("serial.")
-    }
+    own = [each for each in nodes["master_device"].items() if each[0].startswith("serial.")]
+    values = {name.removeprefix("serial."): value for name, value in own}
     handle = SerialMaster(from_flat(SerialMasterParameters, values), RATE, 0)
     handle.open()
     try:
@@ -171,6 +166,4 @@ def test_a_node_without_its_board_says_so(start: Start) -> None:
     given = ("-p", "device:=serial", "-p", "serial.port:=/dev/none")
     node = start("-m", "haptic_accel.nodes.slave_device", "--ros-args", *given)
     assert node.end() == 1
-    assert node.lines == ["slave_device: /dev/none: there is no such port; is it plugged in?"], (
-        node.text
-    )
+    assert node.lines == ["slave_device: /dev/none: there is no such port; is it plugged in?"]

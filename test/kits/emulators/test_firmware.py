@@ -78,9 +78,8 @@ def random_message(random: random.Random, now: int, coils: int) -> protocol.Mess
     counts = tuple(random.randrange(-32768, 32768) for _ in range(coils))
     extremes = tuple(random.choice((-32768, -32767, 0, 1, 32767)) for _ in range(coils))
     near = (now + random.choice((-600_000, -500, 0, 500, 1500, 6000, 600_000))) % protocol.CLOCKS
-    period = random.choice(
-        (1_000_000, 1_000_100, 100_000, 984_375, 1_015_626, 0, protocol.CLOCKS - 1)
-    )
+    periods = (1_000_000, 1_000_100, 100_000, 984_375, 1_015_626, 0, protocol.CLOCKS - 1)
+    period = random.choice(periods)
     return random.choice(
         [
             protocol.SetCurrent(extremes),

@@ -156,9 +156,10 @@ def test_a_set_point_without_a_due_time_acts_at_once_and_discards_the_scheduled(
     assert host.status().late == 0
 
 
-@pytest.mark.parametrize(
-    "discarding", [DisarmRequest(), Configure(1000, 4, 1), Configure(0, 0, 0)], ids=repr
-)
+DISCARDING = [DisarmRequest(), Configure(1000, 4, 1), Configure(0, 0, 0)]
+
+
+@pytest.mark.parametrize("discarding", DISCARDING, ids=repr)
 def test_nothing_scheduled_outlives_what_ends_it(discarding: Message) -> None:
     host = scheduling()
     host.say(ScheduleCurrent((7,), (host.now + 1000) % CLOCKS), discarding, ArmRequest())
@@ -198,11 +199,11 @@ def test_a_latency_of_20_samples_trips_no_time_out_and_silence_does() -> None:
     assert host.tick_at(start + 106_000) == 0
 
 
+some_leads = st.lists(st.integers(-4000, 20_000), min_size=1, max_size=serial_line.ROOM)
+
+
 @settings(max_examples=40)
-@given(
-    st.integers(0, CLOCKS - 1),
-    st.lists(st.integers(-4000, 20_000), min_size=1, max_size=serial_line.ROOM),
-)
+@given(st.integers(0, CLOCKS - 1), some_leads)
 def test_at_each_tick_the_newest_that_is_due_acts(start: int, leads: Sequence[int]) -> None:
     host = scheduling(start=start)
     for counts, ahead in enumerate(leads, start=1):
@@ -211,11 +212,8 @@ def test_at_each_tick_the_newest_that_is_due_acts(start: int, leads: Sequence[in
     current = late[-1] if late else 0
     assert host.current == current
     for tick in range(1, 22):
-        due = [
-            (ahead, counts)
-            for counts, ahead in enumerate(leads, start=1)
-            if 500 < ahead <= 1000 * tick + 500
-        ]
+        numbered = [(ahead, counts) for counts, ahead in enumerate(leads, start=1)]
+        due = [each for each in numbered if 500 < each[0] <= 1000 * tick + 500]
         current = max(due)[1] if due else current
         assert host.tick_at(start + 1000 * tick) == current
     assert host.status().late == len(late)
@@ -352,6 +350,12 @@ def test_what_the_port_has_no_room_for_is_counted_and_missing_by_its_numbers() -
     assert host.all(Status)[-1].unsent == 5
 
 
+NOT_OF_THE_TOOL = [
+    *(Configure(4001, 4, 1), Configure(49, 4, 1), Configure(1000, 0, 1), Configure(1000, 5, 1)),
+    *(Configure(1000, 4, 0), Configure(1000, 4, 118)),
+]
+
+
 @pytest.mark.parametrize(
     ("identity", "frame", "code"),
     [
@@ -365,14 +369,7 @@ def test_what_the_port_has_no_room_for_is_counted_and_missing_by_its_numbers() -
         (TOOL, Frame(VERSION, FrameType.SCHEDULE_CURRENT, 9, 0, bytes(6)), ErrorCode.NO_ACTUATOR),
         *[
             (TOOL, Frame(VERSION, FrameType.CONFIGURE, 9, 0, asked.pack()), ErrorCode.VALUE)
-            for asked in (
-                Configure(4001, 4, 1),
-                Configure(49, 4, 1),
-                Configure(1000, 0, 1),
-                Configure(1000, 5, 1),
-                Configure(1000, 4, 0),
-                Configure(1000, 4, 118),
-            )
+            for asked in NOT_OF_THE_TOOL
         ],
     ],
 )
@@ -404,11 +401,11 @@ bytes_sent = st.one_of(
 )
 
 
+steps_of_bytes = st.lists(st.tuples(bytes_sent, st.integers(0, 8)), max_size=30)
+
+
 @settings(max_examples=80)
-@given(
-    st.sampled_from([HANDLE, THREE, TOOL]),
-    st.lists(st.tuples(bytes_sent, st.integers(0, 8)), max_size=30),
-)
+@given(st.sampled_from([HANDLE, THREE, TOOL]), steps_of_bytes)
 def test_whatever_comes_the_currents_are_lawful(
     identity: Identity, steps: Sequence[tuple[bytes, int]]
 ) -> None:

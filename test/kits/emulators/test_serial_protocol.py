@@ -6,19 +6,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from running import Command
+from running import Start
 
 BENCHMARK = Path(__file__).resolve().parents[3] / "benchmarks" / "serial_protocol.py"
 
 
 @pytest.mark.quiet
 def test_no_whole_frame_is_missed_and_no_current_flows_that_must_not(
-    start: Callable[..., Command], tmp_path: Path
+    start: Start, tmp_path: Path
 ) -> None:
     command = start(BENCHMARK, "--frames", "3000", "--json", "figures.json")
     assert command.end() == 0, command.text

@@ -8,7 +8,6 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ import pandas as pd
 from PIL import Image
 
 from haptic_accel.bags.reading import messages_of
-from running import Command
+from running import Start
 
 PAGE = Path(__file__).resolve().parents[3] / "haptic_accel" / "kits" / "export" / "README.md"
 SECTION = PAGE.read_text(encoding="utf-8").partition("## A camera with touch")[2]
@@ -26,7 +25,7 @@ TOPIC, RAW = "/camera/image_raw", "sensor_msgs/msg/Image"
 
 
 def test_images_are_recorded_with_the_graph_and_exported_with_its_frames(
-    start: Callable[..., Command], haptic_accel: Callable[..., Command], tmp_path: Path
+    start: Start, haptic_accel: Start, tmp_path: Path
 ) -> None:
     (tmp_path / "test_camera.py").write_text(PROGRAM)
     start("test_camera.py")

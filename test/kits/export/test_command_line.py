@@ -42,15 +42,12 @@ def tool_alone(path: Path) -> Path:
     """Write a bag with a tool and no arms."""
     topic, start = TOOL_ACCELERATION, 1_700_000_000_000_000_000
     stamps = [start + n * 1_000_000 for n in range(100)]
-    return write_messages(
-        path,
-        [
-            Message(
-                f"/{topic.name}", topic.type, s, vector_bytes(topic.type, s, "", (0.0, 0.0, 1.0))
-            )
-            for s in stamps
-        ],
-    )
+
+    def message(stamp: int) -> Message:
+        data = vector_bytes(topic.type, stamp, "", (0.0, 0.0, 1.0))
+        return Message(f"/{topic.name}", topic.type, stamp, data)
+
+    return write_messages(path, map(message, stamps))
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -93,20 +90,15 @@ def test_a_value_that_no_sensor_has_counts_as_missing(
 
 @pytest.mark.parametrize("library", ["pyarrow", "h5py"])
 def test_a_missing_library_is_named_with_its_extra(
-    tmp_path: Path,
-    recorded: Recorded,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    library: str,
+    tmp_path: Path, recorded: Recorded, monkeypatch: pytest.MonkeyPatch, library: str
 ) -> None:
-    form, extra = {"pyarrow": ("parquet", "parquet"), "h5py": ("hdf5", "hdf5")}[library]
+    form = {"pyarrow": "parquet", "h5py": "hdf5"}[library]
     monkeypatch.setitem(sys.modules, library, None)
     for module in ("tables", "hdf5", "lerobot", "images"):
         monkeypatch.delitem(sys.modules, f"haptic_accel.kits.export.{module}", raising=False)
-    status = status_of("export", recorded.path, "--format", form, "--out", tmp_path / "out")
-    assert status == 1
-    line = f"haptic-accel: needs {library}: pip install 'haptic_accel[{extra}]'\n"
-    assert capsys.readouterr().err == line
+    words = ("export", recorded.path, "--format", form, "--out", tmp_path / "out")
+    line = f"needs {library}: pip install 'haptic_accel[{form}]'"
+    assert refusal(*words, status=1) == line
     assert list(tmp_path.iterdir()) == []
 
 
@@ -114,9 +106,8 @@ def test_a_full_disk_leaves_nothing_but_one_line(tmp_path: Path, recorded: Recor
     out = tmp_path / "out"
     # The limit of a file's size has the same effect, for a disk of its own would need root.
     words = shlex.join([*MAIN, "export", str(recorded.path), *f"--format csv --out {out}".split()])
-    done = subprocess.run(
-        ["bash", "-c", f"ulimit -f 50; exec {words}"], capture_output=True, text=True, check=False
-    )
+    limited = ["bash", "-c", f"ulimit -f 50; exec {words}"]
+    done = subprocess.run(limited, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     line = f"haptic-accel: out = '{out}': cannot be written: File too large\n"
     assert (done.stdout, done.stderr) == ("", line)

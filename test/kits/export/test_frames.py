@@ -78,9 +78,8 @@ def test_missing_and_infinite_samples_repeat_the_one_before_and_are_counted() ->
     tool = damaged.signals[topics.TOOL_ACCELERATION.name]
     tool.values[1500, 2] = np.nan
     kept = np.delete(np.arange(len(TIME)), np.arange(2000, 2010))
-    damaged.signals[topics.TOOL_ACCELERATION.name] = Signal(
-        tool.stamps[kept], tool.received, tool.values[kept]
-    )
+    lossy = Signal(tool.stamps[kept], tool.received, tool.values[kept])
+    damaged.signals[topics.TOOL_ACCELERATION.name] = lossy
     found = frames_of(damaged, BEGIN, END, FrameRate.of(50, 0.0, RATE))
     expected = tone[1000:3000].copy()
     expected[500] = tone[1499]
@@ -140,10 +139,8 @@ def test_a_hand_cannot_tell_exported_windows_from_the_recording(
     found = read_bag(tmp_path / "bag")
     ((begin, end),) = engagements(found)
     frames = frames_of(found, begin, end, FrameRate.of(30, 0.0, RATE))
-    for windows, topic in (
-        (frames.tool, topics.TOOL_ACCELERATION),
-        (frames.handle, topics.HANDLE_ACCELERATION),
-    ):
+    both = ((frames.tool, topics.TOOL_ACCELERATION), (frames.handle, topics.HANDLE_ACCELERATION))
+    for windows, topic in both:
         back = resampled(windows.ravel().astype(float), 960.0, RATE)
         desired, _ = found.signals[topic.name].on_grid(begin, RATE, len(back))
         assert indistinguishable(desired, back, RATE) >= 0.99
@@ -153,9 +150,8 @@ def test_tool_and_handle_must_have_one_rate(recorded: Recorded) -> None:
     found = read_bag(recorded.path)
     assert recorded_rate(found) == RATE
     handle = found.signals[topics.HANDLE_ACCELERATION.name]
-    found.signals[topics.HANDLE_ACCELERATION.name] = Signal(
-        handle.stamps[::2], handle.received[::2], handle.values[::2]
-    )
+    slower = Signal(handle.stamps[::2], handle.received[::2], handle.values[::2])
+    found.signals[topics.HANDLE_ACCELERATION.name] = slower
     found.metadata.clear()
     with pytest.raises(ParameterError, match="1000 and 500 Hz: must have one rate"):
         recorded_rate(found)

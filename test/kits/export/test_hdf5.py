@@ -24,15 +24,12 @@ from verbs import output_of
 def test_frames_are_as_aloha_has_them(tmp_path: Path, recorded: Recorded) -> None:
     words = ("--format", "hdf5", "--fps", "50", "--out", tmp_path / "out")
     output_of("export", recorded.path, recorded.path, *words)
-    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == [
-        "episode_0.hdf5",
-        "episode_1.hdf5",
-    ]
+    names = sorted(file.name for file in (tmp_path / "out").iterdir())
+    assert names == ["episode_0.hdf5", "episode_1.hdf5"]
     with h5py.File(tmp_path / "out" / "episode_0.hdf5") as file:
         assert (bool(file.attrs["sim"]), file.attrs["fps"]) == (True, 50)
-        qpos, qvel, action = (
-            file[name][()] for name in ("observations/qpos", "observations/qvel", "action")
-        )
+        names = ("observations/qpos", "observations/qvel", "action")
+        qpos, qvel, action = (file[name][()] for name in names)
         count = len(action)
         assert qpos.shape == qvel.shape == action.shape == (count, 3)
         assert file["observations/vibration/tool"].shape == (count, 20, 1)

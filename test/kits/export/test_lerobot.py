@@ -85,20 +85,16 @@ def test_what_differs_between_bags_is_no_part_of_the_features(
 ) -> None:
     bag = write_messages(tmp_path / "lost", [Message(*r) for r in with_types(recorded.path)[:-99]])
     assert status_of("export", bag, "--format", "lerobot", "--out", tmp_path / "set") == 0
-    features = [
-        json_of(each / "meta" / "info.json")["features"] for each in (dataset, tmp_path / "set")
-    ]
-    assert features[0] == features[1]  # LeRobot's `features_equal_for_merge`
+    own, other = (json_of(each / "meta" / "info.json") for each in (dataset, tmp_path / "set"))
+    assert own["features"] == other["features"]  # LeRobot's `features_equal_for_merge`
     vinyl = episodes(dataset)["haptic_accel"].map(json.loads)[1]
     assert (vinyl["series"], vinyl["condition"]["surface"]) == ("vinyl", "vinyl")
     assert vinyl["begin_ns"] >= START
 
 
 def test_episodes_have_one_condition_each(tmp_path: Path, recorded: Recorded) -> None:
-    moments = {
-        1: ("slave_device", "simulated.surface.name", "vinyl"),
-        2: ("compensator", "controller", "inverse"),
-    }
+    surface = ("slave_device", "simulated.surface.name", "vinyl")
+    moments = {1: surface, 2: ("compensator", "controller", "inverse")}
     messages = [Message(*row) for row in with_types(recorded.path)]
     for seconds, (node, *change) in moments.items():
         moment = START + seconds * 10**9
@@ -109,10 +105,8 @@ def test_episodes_have_one_condition_each(tmp_path: Path, recorded: Recorded) ->
     bag = write_messages(tmp_path / "bag", messages, custom=custom)
     assert status_of("export", bag, "--format", "lerobot", "--out", tmp_path / "set") == 0
     found = episodes(tmp_path / "set")
-    assert found["tasks"].map(list).tolist() == [
-        ["feel plywood with a tool"],
-        *[["feel vinyl with a tool"]] * 2,
-    ]
+    tasks = [["feel plywood with a tool"], *[["feel vinyl with a tool"]] * 2]
+    assert found["tasks"].map(list).tolist() == tasks
     held = [json.loads(each)["condition"] for each in found["haptic_accel"]]
     assert [each["controller"] for each in held][1:] == ["dynamic", "inverse"]
     assert [each["arguments"]["surface"] for each in held] == ["plywood", "vinyl", "vinyl"]

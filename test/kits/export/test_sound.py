@@ -59,10 +59,9 @@ def test_foxglove_hears_tool_and_handle_at_their_times(tmp_path: Path, recorded:
             assert stamp == message.log_time
             assert stamp == START + len(b"".join(blocks[channel.topic])) // 2 * 125_000
             blocks[channel.topic].append(message.data[16 : 16 + size])
-    for topic, expected in (
-        ("/audio/tool", recorded.trial.tool_acceleration),
-        ("/audio/handle", recorded.trial.handle_acceleration),
-    ):
+    trial = recorded.trial
+    both = {"/audio/tool": trial.tool_acceleration, "/audio/handle": trial.handle_acceleration}
+    for topic, expected in both.items():
         heard = np.frombuffer(b"".join(blocks[topic]), "<i2") / FULL * scale
         assert len(heard) == 8 * len(expected)
         inside = slice(100, -100)

@@ -216,10 +216,8 @@ def test_a_process_that_hangs_is_noticed(start: Start) -> None:
 
 
 def test_all_devices_share_one_fast_path_which_ends_with_the_last() -> None:
-    first, second = (
-        fast_path.join(fast_path.read_arguments("")),
-        fast_path.join(fast_path.read_arguments("rate:=960")),
-    )
+    given = map(fast_path.read_arguments, ("", "rate:=960"))
+    first, second = map(fast_path.join, given)
     try:
         assert first is second
         with pytest.raises(ParameterError, match="must be 'rate:=960', as leader and follower"):
@@ -298,10 +296,7 @@ def test_wrong_arguments_are_refused_in_one_line(text: str, refused: str) -> Non
 @pytest.mark.parametrize(
     ("fps", "rate", "refused"),
     [
-        *(
-            (fps, RATE, f"fps = {fps}: must divide the fast path's rate")
-            for fps in (0, 7, 50, 961)
-        ),
+        *((fps, RATE, f"fps = {fps}: must divide the fast path's") for fps in (0, 7, 50, 961)),
         (1, 8192.0, "whole numbers up to 4096"),
     ],
 )
@@ -312,18 +307,13 @@ def test_a_frame_without_whole_samples_or_with_too_many_is_refused(
         fast_path.samples_per_frame(rate, fps)
 
 
-@pytest.mark.parametrize(
-    ("text", "refused"),
-    [
-        ("actuator:=audio", "fast path: "),
-        ("master:=none", "fast path: device = none: must come with accelerometers:=audio"),
-    ],
-)
-def test_what_cannot_start_is_told_in_one_line(
-    text: str, refused: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+CANNOT_START = {"actuator:=audio": "", "master:=none": "device = none: must come with accelerom"}
+
+
+@pytest.mark.parametrize("text", CANNOT_START)
+def test_what_cannot_start_is_told_in_one_line(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ALSA_CONFIG_PATH", os.devnull)  # no card
-    with pytest.raises(DeviceError, match=re.escape(refused)) as error:
+    with pytest.raises(DeviceError, match=f"^fast path: {CANNOT_START[text]}") as error:
         fast_path.join(fast_path.read_arguments(text))
     assert "\n" not in str(error.value)
     assert "Traceback" not in str(error.value)

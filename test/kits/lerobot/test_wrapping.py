@@ -32,19 +32,14 @@ def built() -> Iterator[PlugIns]:
 
 def test_every_member_that_lerobot_asks_for_is_named(built: PlugIns) -> None:
     named = Path(lerobot.__file__).read_text()
-    asked = {
-        name
-        for base in (built.teleoperators.Teleoperator, built.robots.Robot)
-        for name in base.__abstractmethods__
-    }
+    bases = (built.teleoperators.Teleoperator, built.robots.Robot)
+    asked = {name for base in bases for name in base.__abstractmethods__}
     assert [name for name in sorted(asked) if name not in named] == []
 
 
 def test_a_configuration_is_not_among_its_own_choices(built: PlugIns) -> None:
-    for registry, field in (
-        (built.teleoperators.TeleoperatorConfig, "leader"),
-        (built.robots.RobotConfig, "follower"),
-    ):
+    leaders, followers = built.teleoperators.TeleoperatorConfig, built.robots.RobotConfig
+    for registry, field in ((leaders, "leader"), (followers, "follower")):
         own = registry.get_choice_class("haptic_accel")
         choice = get_type_hints(own)[field]
         assert list(choice.get_known_choices()) == [f"plain_{field}"]

@@ -71,23 +71,22 @@ def refusal(folder: Path) -> str:
 def test_a_key_that_others_can_read_is_refused(tmp_path: Path) -> None:
     write_new_key(tmp_path)
     (tmp_path / LINK_KEY).chmod(0o640)
-    assert refusal(tmp_path).endswith(
-        "link.key: others can read it: must be for its owner alone, chmod 600"
-    )
+    said = "link.key: others can read it: must be for its owner alone, chmod 600"
+    assert refusal(tmp_path).endswith(said)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        TITLE,
-        f"{TITLE}\nff\n",
-        "ff" * 32,
-        f"{TITLE}\n{'g' * 64}",
-        f"x\n{'ff' * 32}",
-        "\xff" * 2000,
-    ],
-)
+UNREADABLE = [
+    "",
+    TITLE,
+    f"{TITLE}\nff\n",
+    "ff" * 32,
+    f"{TITLE}\n{'g' * 64}",
+    f"x\n{'ff' * 32}",
+    "\xff" * 9,
+]
+
+
+@pytest.mark.parametrize("text", UNREADABLE)
 def test_another_file_is_no_key(tmp_path: Path, text: str) -> None:
     file = tmp_path / LINK_KEY
     file.write_text(text, encoding="latin-1")

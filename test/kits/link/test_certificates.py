@@ -61,11 +61,8 @@ def test_the_hosts_of_a_pair_know_each_other_by_each_name(folders: list[Path], h
 
 def test_other_names_and_other_pairs_are_refused(folders: list[Path]) -> None:
     robot, operator, other_robot, other_operator = folders
-    for server, client, host in (
-        (robot, operator, "10.8.0.3"),
-        (robot, other_operator, "robot.lab"),
-        (other_robot, operator, "robot.lab"),
-    ):
+    pairs = (robot, operator, "10.8.0.3"), (robot, other_operator, "robot.lab")
+    for server, client, host in (*pairs, (other_robot, operator, "robot.lab")):
         with pytest.raises(ssl.SSLError):
             handshake(server, client, host)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from signal import SIGINT
@@ -21,13 +21,11 @@ from haptic_accel.core import topics
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED
 from haptic_accel.kits.link.authentication import write_new_key
 from haptic_accel.links import FIRST_PORTS
-from running import Command, StallWatch
+from running import Command, StallWatch, Start
 from wires import ADDRESSES, DEVICE, Wire, reason_against
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(bool(reason_against()), reason=reason_against() or ""),
-]
+WITHOUT = reason_against() or ""
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(WITHOUT), reason=WITHOUT)]
 
 OPERATOR, ROBOT = "operator", "robot"
 ENDS = {OPERATOR: (0, "master", topics.MASTER), ROBOT: (1, "slave", topics.SLAVE)}
@@ -61,7 +59,7 @@ with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as replay:
 class Hosts:
     """The graphs of both hosts, and the wire between them."""
 
-    def __init__(self, wire: Wire, start: Callable[..., Command], folder: Path) -> None:
+    def __init__(self, wire: Wire, start: Start, folder: Path) -> None:
         self.wire, self._start, self._folder = wire, start, folder
         self.graphs: dict[str, Command] = {}
         self.bags: dict[str, Path] = {}
@@ -136,7 +134,7 @@ class Hosts:
 
 
 @pytest.fixture
-def hosts(start: Callable[..., Command], tmp_path: Path) -> Iterator[Hosts]:
+def hosts(start: Start, tmp_path: Path) -> Iterator[Hosts]:
     with Wire() as wire:
         found = Hosts(wire, start, tmp_path)
         found.engage()

@@ -16,7 +16,7 @@ import pytest
 from haptic_accel.core.network.endpoint import VERSION, Endpoint, Motion, State
 from haptic_accel.kits.link.local import LINK, LocalEnd
 from observing import Observer
-from running import Command, nodes_of, reserved_domain, wait_until
+from running import Command, Start, nodes_of, reserved_domain, wait_until
 
 SIDES = ("master", "slave")
 
@@ -26,7 +26,6 @@ QUIETER = "rate:=500"
 APART = "composed:=false"
 UNRECORDED = "record:=false"
 
-Start = Callable[..., Command]
 Ask = Callable[..., tuple[int, str]]
 
 
@@ -64,10 +63,8 @@ def hosts(
 
 
 def test_two_hosts_couple_stop_and_lose_each_other(hosts: Hosts, tmp_path: Path) -> None:
-    graphs = {
-        "master": hosts.teleop("master", APART, UNRECORDED),
-        "slave": hosts.teleop("slave", "bag:=bag"),
-    }
+    graphs = {"master": hosts.teleop("master", APART, UNRECORDED)}
+    graphs["slave"] = hosts.teleop("slave", "bag:=bag")
     for graph in graphs.values():
         graph.wait_for("engaged$")
     observers = {side: Observer(hosts.domains[side]) for side in SIDES}
@@ -147,9 +144,7 @@ def test_packets_that_cannot_be_used_are_refused_in_one_line_each(
         f"the peer's packets have version {VERSION + 1}: must be {VERSION}": bytes(other_version),
     }
     for reason, data in refused.items():
-        wait_until(
-            lambda data=data, reason=reason: link.send(data) and reason in half.text, reason
-        )
+        wait_until(lambda d=data, reason=reason: link.send(d) and reason in half.text, reason)
         for _ in range(20):
             link.send(data)
         observer.status("coupler", reason)

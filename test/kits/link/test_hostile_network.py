@@ -42,19 +42,12 @@ VECTOR = st.tuples(REAL, REAL, REAL)
 LIES = st.fixed_dictionaries(
     {},
     optional={
-        "sequence": INT64,
-        "sent": INT64,
-        "echo": INT64,
-        "echo_sent": INT64,
-        "echo_received": INT64,
-        "stops": st.integers(0, 2**32 - 1),
-        "engagement": st.integers(0, 2**32 - 1),
-        "stamp": INT64,
-        "position": VECTOR,
-        "velocity": VECTOR,
+        **dict.fromkeys(("sequence", "sent", "echo", "echo_sent", "echo_received"), INT64),
+        **dict.fromkeys(("stamp", "first"), INT64),
+        **dict.fromkeys(("stops", "engagement"), st.integers(0, 2**32 - 1)),
+        **dict.fromkeys(("position", "velocity"), VECTOR),
         "shipped": REAL,
         "rate": st.floats(1e-300, 1e300),
-        "first": INT64,
         "samples": st.lists(st.floats(-1e6, 1e6, width=32), max_size=MOST_SAMPLES).map(tuple),
     },
 )

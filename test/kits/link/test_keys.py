@@ -21,9 +21,8 @@ def test_both_hosts_get_one_key_also_without_certificates(
     for name in ("one", "other"):
         assert status_of("keys", "robot.lab", "desk.lab", "--out", name) == 0
     assert capsys.readouterr().out.startswith("without certificates for transport:=zenoh")
-    robot, operator, other = (
-        read_key(str(here / name)) for name in ("one/robot", "one/operator", "other/robot")
-    )
+    names = ("one/robot", "one/operator", "other/robot")
+    robot, operator, other = (read_key(str(here / name)) for name in names)
     assert robot == operator != other
     assert (here / "one/robot" / LINK_KEY).stat().st_mode & 0o777 == 0o600
     assert [path.name for path in (here / "one/robot").iterdir()] == [LINK_KEY]

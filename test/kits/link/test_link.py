@@ -24,7 +24,7 @@ from haptic_accel.kits.link.link import REPEAT, SEARCH_PERIOD, SILENCE, PeerMoni
 from haptic_accel.kits.link.local import COUPLER, LONGEST_DATAGRAM, LocalEnd
 from haptic_accel.kits.link.zenoh import AUTHORITY
 from haptic_accel.links import Route
-from running import Command, free_ports, reserved_domain, wait_until
+from running import Command, Start, free_ports, reserved_domain, wait_until
 
 SIDES = ("master", "slave")
 PEER = "127.0.0.1"
@@ -33,9 +33,7 @@ PEER = "127.0.0.1"
 class Pair:
     """Two hosts on this machine: the couplers' ends, and the links once they are started."""
 
-    def __init__(
-        self, start: Callable[..., Command], ends: dict[str, LocalEnd], domains: dict[str, int]
-    ) -> None:
+    def __init__(self, start: Start, ends: dict[str, LocalEnd], domains: dict[str, int]) -> None:
         self.ends = ends
         self.links: dict[str, Command] = {}
         self.sent = {side: side.encode().ljust(LONGEST_DATAGRAM, b".") for side in SIDES}
@@ -48,9 +46,8 @@ class Pair:
         file = folder / f"{side}.yaml"
         file.write_text(f"/**/link:\n  ros__parameters:\n{lines}")
         os.environ["ROS_DOMAIN_ID"] = str(self._domains[side])
-        self.links[side] = self._start(
-            "-m", "haptic_accel.kits.link.link", "--ros-args", "--params-file", str(file)
-        )
+        words = ("haptic_accel.kits.link.link", "--ros-args", "--params-file", str(file))
+        self.links[side] = self._start("-m", *words)
         return self.links[side]
 
     def meets(self) -> None:
@@ -74,16 +71,14 @@ class Pair:
 
 
 @pytest.fixture
-def pairs(start: Callable[..., Command]) -> Iterator[Callable[[], Pair]]:
+def pairs(start: Start) -> Iterator[Callable[[], Pair]]:
     """Make pairs of hosts, each with ROS domains of its own."""
     with ExitStack() as stack:
 
         def made() -> Pair:
             domains = {side: stack.enter_context(reserved_domain()) for side in SIDES}
-            ends = {
-                side: stack.enter_context(closing(LocalEnd(COUPLER, number, "")))
-                for side, number in domains.items()
-            }
+            own = {side: LocalEnd(COUPLER, number, "") for side, number in domains.items()}
+            ends = {side: stack.enter_context(closing(end)) for side, end in own.items()}
             return Pair(start, ends, domains)
 
         yield made
@@ -185,10 +180,11 @@ def test_a_host_without_the_key_is_told_so_on_both_and_nothing_passes(
     own = "this host has none" if has == "none" else f"here keys:={others}"
     assert own in pair.links[other].text
     ends = pair.ends.values()
-    wait_until(
-        lambda: not [each.drain() for each in ends if "do not have" not in each.note],
-        "a note for each coupler",
-    )
+
+    def noted() -> bool:
+        return not [each.drain() for each in ends if "do not have" not in each.note]
+
+    wait_until(noted, "a note for each coupler")
     assert not pair.received()
 
 

@@ -15,12 +15,14 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.link.local import COUPLER, LINK, LONGEST_DATAGRAM, MOST_WAITING, LocalEnd
 
+Ends = tuple[LocalEnd, LocalEnd]
+
 DOMAIN = 250
 """No ROS domain, so that no graph of this machine is met."""
 
 
 @pytest.fixture
-def ends() -> Iterator[tuple[LocalEnd, LocalEnd]]:
+def ends() -> Iterator[Ends]:
     with (
         closing(LocalEnd(COUPLER, DOMAIN, "/a")) as one,
         closing(LocalEnd(LINK, DOMAIN, "/a")) as two,
@@ -28,7 +30,7 @@ def ends() -> Iterator[tuple[LocalEnd, LocalEnd]]:
         yield one, two
 
 
-def test_datagrams_pass_both_ways_in_order(ends: tuple[LocalEnd, LocalEnd]) -> None:
+def test_datagrams_pass_both_ways_in_order(ends: Ends) -> None:
     for sender, receiver in (ends, ends[::-1]):
         sent = [bytes([number]) * LONGEST_DATAGRAM for number in range(5)]
         assert all(sender.send(datagram) for datagram in sent)
@@ -38,7 +40,7 @@ def test_datagrams_pass_both_ways_in_order(ends: tuple[LocalEnd, LocalEnd]) -> N
 
 
 def test_what_has_no_room_waits_in_order_and_only_the_oldest_is_dropped(
-    ends: tuple[LocalEnd, LocalEnd],
+    ends: Ends,
 ) -> None:
     link, coupler = ends[1], ends[0]
     numbers = iter(range(10_000))
@@ -69,7 +71,7 @@ def test_what_is_sent_to_nobody_is_dropped_and_counted() -> None:
 
 
 def test_other_namespaces_domains_and_senders_are_not_heard(
-    ends: tuple[LocalEnd, LocalEnd],
+    ends: Ends,
 ) -> None:
     _, link = ends
     with closing(LocalEnd(COUPLER, DOMAIN, "/x" * 500)) as one:
@@ -81,14 +83,14 @@ def test_other_namespaces_domains_and_senders_are_not_heard(
 
 
 def test_a_second_process_for_one_end_is_refused_in_one_line(
-    ends: tuple[LocalEnd, LocalEnd],
+    ends: Ends,
 ) -> None:
     with pytest.raises(ParameterError, match=r"^ROS domain 250: has a link .* in namespace /a al"):
         LocalEnd(LINK, DOMAIN, "/a")
 
 
 def test_the_link_tells_the_coupler_about_itself_and_nobody_else_can(
-    ends: tuple[LocalEnd, LocalEnd],
+    ends: Ends,
 ) -> None:
     coupler, link = ends
     link.write_note("datagrams from 10.0.0.5 do not have the key")
@@ -103,7 +105,7 @@ def test_the_link_tells_the_coupler_about_itself_and_nobody_else_can(
 
 
 def test_a_note_of_another_thread_changes_nothing_of_what_is_sent(
-    ends: tuple[LocalEnd, LocalEnd],
+    ends: Ends,
 ) -> None:
     coupler, link = ends
     over = threading.Event()

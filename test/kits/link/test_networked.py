@@ -9,6 +9,7 @@ import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -83,17 +84,13 @@ def test_the_delay_between_the_arms_is_the_one_asked_for(domain: int, tmp_path: 
         try:
             for observer in observers:
                 observer.status("coupler", least={"packets received": 500}, engaged="true")
-            for delay, change in (
-                (0.08, networked.relay.change),
-                (0.0, networked.relay.reconnect),
-                (DELAY, networked.relay.change),
-            ):
+            relay = networked.relay
+            changes = (0.08, relay.change), (0.0, relay.reconnect), (DELAY, relay.change)
+            for delay, change in changes:
                 change(ChannelParameters(delay))
                 for observer in observers:
-                    wait_until(
-                        lambda observer=observer, delay=delay: near(observer, delay),
-                        "\n".join(lines),
-                    )
+                    is_near = partial(near, observer, delay)
+                    wait_until(is_near, "\n".join(lines))
                     observer.status("coupler", engaged="true")
         finally:
             for observer in observers:

@@ -63,8 +63,11 @@ class Host:
         self._thread.join()
 
 
+Hosts = tuple[list[Host], list[tuple[str, int]]]
+
+
 @pytest.fixture(params=["127.0.0.1", "::1"])
-def hosts(request: pytest.FixtureRequest) -> Iterator[tuple[list[Host], list[tuple[str, int]]]]:
+def hosts(request: pytest.FixtureRequest) -> Iterator[Hosts]:
     address = request.param
     with ExitStack() as stack:
         ports = []
@@ -89,7 +92,7 @@ def met(pair: list[Host]) -> bool:
 
 
 def test_what_earlier_runs_sent_is_of_no_use_to_later_ones(
-    hosts: tuple[list[Host], list[tuple[str, int]]],
+    hosts: Hosts,
 ) -> None:
     pair, addresses = hosts
     family = socket.AF_INET6 if ":" in addresses[0][0] else socket.AF_INET
@@ -109,7 +112,7 @@ def test_what_earlier_runs_sent_is_of_no_use_to_later_ones(
 
 
 def test_a_third_host_moves_nothing_and_ends_nothing(
-    hosts: tuple[list[Host], list[tuple[str, int]]],
+    hosts: Hosts,
 ) -> None:
     pair, addresses = hosts
     family = socket.AF_INET6 if ":" in addresses[0][0] else socket.AF_INET
@@ -133,14 +136,13 @@ def test_a_third_host_moves_nothing_and_ends_nothing(
             for host, address in zip(pair, addresses, strict=True):
                 third.sendto(host.sent[-1], address)  # reflected
             time.sleep(1e-3)
-        before = [host.end.session.received for host in pair]
-        wait_until(
-            lambda: (
-                met(pair)
-                and all(h.end.session.received > b + 20 for h, b in zip(pair, before, strict=True))
-            ),
-            "packets after the attack",
-        )
+        enough = [host.end.session.received + 20 for host in pair]
+
+        def hear_on() -> bool:
+            both = zip(pair, enough, strict=True)
+            return met(pair) and all(host.end.session.received > least for host, least in both)
+
+        wait_until(hear_on, "packets after the attack")
         with pytest.raises(BlockingIOError):
             third.recv(1)
     for host in pair:

@@ -21,30 +21,14 @@ from haptic_accel.kits.textures.foreign import import_texture
 AXES = {"data": NOISE.reshape(2, -1), "sample_rate": 1000, "channel_names": ["acc_x", "acc_y"]}
 FILTER = {"name": "oak", "sample_rate": 1000.0, "b": [0.5], "a": [1.0, -0.5]}
 STRENGTH = [{"ParameterID": "HapticIntensity", "ParameterValue": 0.5}]
-CURVE = {
-    "ParameterID": "HapticSharpnessControl",
-    "Time": 0.0,
-    "ParameterCurveControlPoints": [{"Time": 0.1, "ParameterValue": 0.3}],
-}
-AHAP = {
-    "Pattern": [
-        {
-            "Event": {
-                "Time": 0.1,
-                "EventType": "HapticContinuous",
-                "EventDuration": 0.3,
-                "EventParameters": STRENGTH,
-            }
-        },
-        {"Event": {"Time": 0.0, "EventType": "HapticTransient", "EventParameters": STRENGTH}},
-        {"ParameterCurve": CURVE},
-    ]
-}
+SHARPENED = [{"Time": 0.1, "ParameterValue": 0.3}]
+CURVE = {"ParameterID": "HapticSharpnessControl", "ParameterCurveControlPoints": SHARPENED}
+TAP = {"Time": 0.0, "EventType": "HapticTransient", "EventParameters": STRENGTH}
+HELD = {**TAP, "Time": 0.1, "EventType": "HapticContinuous", "EventDuration": 0.3}
+AHAP = {"Pattern": [{"Event": HELD}, {"Event": TAP}, {"ParameterCurve": CURVE}]}
 POINT = {"time": 0.2, "amplitude": 0.4, "emphasis": {"amplitude": 0.9, "frequency": 0.9}}
-ENVELOPES = {
-    "amplitude": [{"time": 0.0, "amplitude": 0.5}, POINT],
-    "frequency": [{"time": 0.0, "frequency": 0.5}],
-}
+FREQUENCY = {"time": 0.0, "frequency": 0.5}
+ENVELOPES = {"amplitude": [{"time": 0.0, "amplitude": 0.5}, POINT], "frequency": [FREQUENCY]}
 HAPTIC = {"signals": {"continuous": {"envelopes": ENVELOPES}}}
 
 
@@ -54,20 +38,16 @@ def wav(dtype: str) -> bytes:
     return file.getvalue()
 
 
+WAVES = [wav("int16"), wav("float32")]
+ROWS = [b"%g,%f\n" % (place / 20, value) for place, value in enumerate(NOISE)]
 KINDS: dict[str, tuple[str, st.SearchStrategy[bytes]]] = {
     "acceleration, NPZ": ("a.npz", zipped(AXES) | other_arrays(AXES)),
     "texture, XML": ("a.xml", text(hatt_file((4, 2), 12).encode())),
     "filter, JSON": ("a.json", written(FILTER)),
     "pattern, AHAP": ("a.ahap", written(AHAP)),
     "pattern, haptic": ("a.haptic", written(HAPTIC)),
-    "acceleration, CSV": (
-        "a.csv",
-        text(b"t,acc\n" + b"".join(b"%g,%f\n" % (i / 20, value) for i, value in enumerate(NOISE))),
-    ),
-    "acceleration, WAV": (
-        "a.wav",
-        mutated(st.sampled_from([wav("int16"), wav("float32")]), ANY_BYTES),
-    ),
+    "acceleration, CSV": ("a.csv", text(b"t,acc\n" + b"".join(ROWS))),
+    "acceleration, WAV": ("a.wav", mutated(st.sampled_from(WAVES), ANY_BYTES)),
 }
 
 

@@ -82,9 +82,8 @@ def test_segments_end_where_the_texture_changes(built: Built) -> None:
 
 def test_only_what_was_measured_is_covered_and_standing_still_is_refused(built: Built) -> None:
     assert built.coverage == pytest.approx(0.75 * 0.75, abs=0.02)
-    assert [(each.begin, each.end, each.reason) for each in built.refused] == [
-        (0.0, 0.5, "at rest")
-    ] * 3
+    refused = [(each.begin, each.end, each.reason) for each in built.refused]
+    assert refused == [(0.0, 0.5, "at rest")] * 3
 
 
 def test_a_texture_that_changes_with_speed_and_force_is_told_from_a_constant_one(
@@ -106,10 +105,8 @@ def test_power_grows_by_its_law_up_to_the_largest_speed_and_force() -> None:
     ]
     model = build("part", kept, Provenance()).model
     for speed, force in ((0.2, 2.0), (0.15, 2.0), (0.2, 1.0)):
-        true, own = (
-            np.sqrt(density.mean())
-            for density in (true_density(speed, force), model.spectrum(speed, force, BAND))
-        )
+        densities = true_density(speed, force), model.spectrum(speed, force, BAND)
+        true, own = (np.sqrt(density.mean()) for density in densities)
         # The nearest node is off by 30 or 50 % at the corner.
         assert own == pytest.approx(true, rel=0.25)
 
@@ -140,18 +137,11 @@ def test_a_model_is_silent_without_speed_or_force(built: Built) -> None:
 
 
 def test_a_faster_recording_gives_the_same_texture_at_the_rate_of_the_servo_loop() -> None:
-    slow = [drag(1.0, 1.0)]
-    fast = [
-        Recording(
-            each.name,
-            4 * RATE,
-            np.repeat(each.speed, 4),
-            np.repeat(each.force, 4),
-            np.asarray(signal.resample(each.acceleration, 4 * len(each.acceleration))),
-        )
-        for each in slow
-    ]
-    one, other = (build("known", each, Provenance()).model for each in (slow, fast))
+    slow = drag(1.0, 1.0)
+    speed, force = (np.repeat(each, 4) for each in (slow.speed, slow.force))
+    acceleration = np.asarray(signal.resample(slow.acceleration, len(speed)))
+    fast = Recording(slow.name, 4 * RATE, speed, force, acceleration)
+    one, other = (build("known", [each], Provenance()).model for each in (slow, fast))
     assert other.rate == RATE
     spectra = [each.spectrum(0.1, 1.0, BAND) for each in (one, other)]
     assert distance(*spectra) < 0.5
@@ -160,11 +150,8 @@ def test_a_faster_recording_gives_the_same_texture_at_the_rate_of_the_servo_loop
 def test_contact_that_just_began_is_left_to_the_tap() -> None:
     recording = drag(1.0)
     force = np.where(np.arange(len(recording.force)) < 1000, 0.0, 1.0)
-    found = build(
-        "known",
-        [Recording("up", RATE, recording.speed, force, recording.acceleration)],
-        Provenance(),
-    )
+    up = Recording("up", RATE, recording.speed, force, recording.acceleration)
+    found = build("known", [up], Provenance())
     reasons = [(each.reason, each.begin, each.end) for each in found.refused]
     assert reasons == [("out of contact", 0.0, 1.0), ("landing", 1.0, 1.1)]
 
@@ -212,10 +199,8 @@ def test_what_can_be_predicted_exactly_gives_a_model_too(acceleration: FloatArra
 def test_a_half_of_a_free_movement_predicts_the_other(half: int) -> None:
     moved = free_movement(seconds=20.0)
     signals = (moved.speed, moved.force, moved.acceleration)
-    halves = [
-        Recording("free", RATE, *parts)
-        for parts in zip(*(np.split(each, 2) for each in signals), strict=True)
-    ]
+    both = zip(*(np.split(each, 2) for each in signals), strict=True)
+    halves = [Recording("free", RATE, *parts) for parts in both]
     model = build("free", [halves[half]], Provenance()).model
     for recording in halves:
         measured, modelled, ratio = beside(recording, model)

@@ -38,9 +38,8 @@ def write_drag(path: Path, force: float) -> None:
     pole = 0.95 * np.exp(2j * np.pi * 100 / RATE)
     polynomial = np.poly([pole, pole.conj()]).real
     noise = random.standard_normal(len(speed)) * speed / 60 * force
-    rows = np.column_stack(
-        [speed, np.full(len(speed), force), signal.lfilter([1.0], polynomial, noise)]
-    )
+    texture = signal.lfilter([1.0], polynomial, noise)
+    rows = np.column_stack([speed, np.full(len(speed), force), texture])
     np.savetxt(path, rows, delimiter=",", header="speed,force,accel", comments="", fmt="%.6f")
 
 
@@ -108,10 +107,8 @@ def test_three_axes_are_reduced_to_one_with_the_power_of_all(tmp_path: Path) -> 
         file = "one.csv" if name == "one" else "three.csv"
         given = (file, *words, "--rate", "1000", "--out", f"{name}.yaml")
         assert status_of("texture", "build", *given) == 0
-    rms = {
-        name: read_texture(tmp_path / f"{name}.yaml").rms.max()
-        for name in ("one", "three", "along", "sum")
-    }
+    names = ("one", "three", "along", "sum")
+    rms = {name: read_texture(tmp_path / f"{name}.yaml").rms.max() for name in names}
     assert rms["three"] == pytest.approx(rms["one"], rel=0.02)
     assert rms["along"] == pytest.approx(rms["one"], rel=0.02)
     assert rms["sum"] == pytest.approx(0.73 * rms["one"], rel=0.02)
@@ -120,9 +117,8 @@ def test_three_axes_are_reduced_to_one_with_the_power_of_all(tmp_path: Path) -> 
 def test_a_recording_that_shows_no_change_with_speed_and_force_is_called_so(
     tmp_path: Path,
 ) -> None:
-    rows = np.column_stack(
-        [np.tile([100.0, 1.0], (3000, 1)), np.random.default_rng(0).normal(size=3000)]
-    )
+    noise = np.random.default_rng(0).normal(size=3000)
+    rows = np.column_stack([np.tile([100.0, 1.0], (3000, 1)), noise])
     np.savetxt(tmp_path / "one.csv", rows, delimiter=",", header="speed,force,accel", comments="")
     words = ("one.csv", "--rate", "1000", "--out", "one.yaml", "--json", "one.json")
     shown = output_of("texture", "build", *words)
@@ -144,9 +140,8 @@ def test_a_glitch_of_the_force_sensor_does_not_change_the_model(
     lines[1200] = f"{speed},36870,{acceleration}"
     (tmp_path / "bad.csv").write_text("\n".join(lines))
     assert status_of("texture", "build", "0.5.csv", "bad.csv", *words, "bad.yaml") == 0
-    assert caplog.messages == [
-        "bad.csv: force: 1 of 3000 samples are outliers: replaced by interpolation"
-    ]
+    outlier = "bad.csv: force: 1 of 3000 samples are outliers: replaced by interpolation"
+    assert caplog.messages == [outlier]
     good, bad = (read_texture(tmp_path / name) for name in ("good.yaml", "bad.yaml"))
     assert np.array_equal(good.deviation, bad.deviation)
     assert np.array_equal(good.forces, bad.forces)
@@ -185,14 +180,11 @@ def test_a_bag_is_a_recording(tmp_path: Path) -> None:
     model, built = read_texture(tmp_path / "ply.yaml"), read_texture(SHIPPED / "plywood.yaml")
     # The scripted hand strokes at 0.1 m/s.
     assert 0.1 < model.speeds.max() < 0.13
-    rms = [
-        np.sqrt(each.spectrum(0.09, 1.0, np.linspace(20, 450, 500)).mean())
-        for each in (model, built)
-    ]
+    band = np.linspace(20, 450, 500)
+    rms = [np.sqrt(each.spectrum(0.09, 1.0, band).mean()) for each in (model, built)]
     assert rms[0] == pytest.approx(rms[1], rel=0.3)
-    reasons = {
-        each["reason"] for each in json.loads((tmp_path / "ply.json").read_text())["refused"]
-    }
+    refused = json.loads((tmp_path / "ply.json").read_text())["refused"]
+    reasons = {each["reason"] for each in refused}
     assert "out of contact" in reasons
 
 
@@ -210,9 +202,8 @@ def test_shipped_textures_state_their_licence_and_are_small(name: str) -> None:
 def test_what_was_rendered_is_imported_with_its_strength(tmp_path: Path) -> None:
     words = ("plywood", "--speed", "110", "--force", "1", "--seconds", "10", "--out", "ply.wav")
     assert status_of("texture", "render", *words) == 0
-    assert "calibration = nothing: must be" in refusal(
-        "texture", "import", "ply.wav", "--out", "a.yaml"
-    )
+    missing = "calibration = nothing: must be"
+    assert missing in refusal("texture", "import", "ply.wav", "--out", "a.yaml")
     words = ("ply.wav", "--calibration", str(5 * 9.80665), "--out", "again.yaml")
     assert "licence: none stated" in output_of("texture", "import", *words)
     frequency = np.linspace(40.0, 450.0, 200)

@@ -72,9 +72,8 @@ def test_an_ahap_has_its_events_and_curves(tmp_path: Path) -> None:
         curve("HapticSharpnessControl", (0.4, 0.0), (1.0, 0.0), (1.01, 0.5)),
         {"Event": {"Time": 0.0, "EventType": "AudioCustom"}},
     ]
-    wave = foreign.read_pattern(
-        pattern_file(tmp_path / "a.ahap", {"Version": 1.0, "Pattern": pattern}), PATTERN_RATE
-    )
+    file = pattern_file(tmp_path / "a.ahap", {"Version": 1.0, "Pattern": pattern})
+    wave = foreign.read_pattern(file, PATTERN_RATE)
     assert len(wave) == 1.5 * PATTERN_RATE
     assert 0.4 < np.abs(part(wave, 0.0, 0.02)).max() < 0.8
     assert not part(wave, 0.1, 0.5).any()
@@ -111,14 +110,8 @@ def test_a_haptic_file_has_its_envelopes_and_emphasis(tmp_path: Path) -> None:
         ([], "Pattern = nothing"),
         ({"Pattern": {}}, r"Pattern = {}: must be a list"),
         ({"Pattern": []}, "silent"),
-        (
-            {"Pattern": [event("Continuous", 0.0, 1.0, 0.5)]},
-            r"Pattern.0.Event.EventDuration = noth",
-        ),
-        (
-            {"Pattern": [event("Transient", -1.0, 1.0, 0.5)]},
-            r"Time = -1.0: must be from 0 to 60 s",
-        ),
+        ({"Pattern": [event("Continuous", 0.0, 1.0, 0.5)]}, r"Event.EventDuration = nothing"),
+        ({"Pattern": [event("Transient", -1.0, 1.0, 0.5)]}, r"Time = -1.0: must be from 0 to"),
         ({"Pattern": [event("Transient", 0.0, 9.0, 0.5)]}, r"ParameterValue = 9.0: must be from"),
         *((text, "must be JSON: ") for text in (b"{", b"\xff", b"[" * 100_000)),
     ],
@@ -197,17 +190,14 @@ def test_a_csv_file_has_its_spectrum_in_metres(tmp_path: Path, rate: float) -> N
 
 def test_a_wav_file_is_calibrated(tmp_path: Path) -> None:
     wave = noise(8000.0)
-    path = tmp_path / "drag.wav"
-    wavfile.write(path, 8000, np.int16(wave / np.abs(wave).max() * 30000))
-    with pytest.raises(ParameterError, match=rf"^{path}: calibration = nothing: .*m/s\^2"):
-        foreign.import_texture(path)
-    full_scale = np.abs(wave).max() * 32768 / 30000
-    assert distance(foreign.import_texture(path, calibration=float(full_scale)), theory()) < 1.0
-    wavfile.write(path, 8000, wave.astype(np.float32) / np.abs(wave).max())
-    with pytest.raises(ParameterError, match="calibration = nothing"):
-        foreign.import_texture(path)
     peak = float(np.abs(wave).max())
-    assert distance(foreign.import_texture(path, calibration=peak), theory()) < 1.0
+    path = tmp_path / "drag.wav"
+    whole, exact = np.int16(wave / peak * 30000), np.float32(wave / peak)
+    for samples, full_scale in ((whole, peak * 32768 / 30000), (exact, peak)):
+        wavfile.write(path, 8000, samples)
+        with pytest.raises(ParameterError, match=rf"^{path}: calibration = nothing: .*m/s\^2"):
+            foreign.import_texture(path)
+        assert distance(foreign.import_texture(path, calibration=full_scale), theory()) < 1.0
 
 
 def three_axes(path: Path, names: list[str], **others: Any) -> Path:
@@ -267,11 +257,8 @@ def test_only_one_channel_of_an_npz_file_is_acceleration_without_its_name(
 
 
 def test_a_pattern_becomes_a_texture_of_its_frequency_and_strength(tmp_path: Path) -> None:
-    parameters = [{"ParameterID": "HapticSharpness", "ParameterValue": 1.0}]
-    event = {"Time": 0.0, "EventType": "HapticContinuous", "EventDuration": 1.0}
-    pattern = [{"Event": {**event, "EventParameters": parameters}}]
-    path = tmp_path / "buzz.ahap"
-    path.write_text(json.dumps({"Pattern": pattern}))
+    pattern = [event("Continuous", 0.0, 1.0, 1.0, EventDuration=1.0)]
+    path = pattern_file(tmp_path / "buzz.ahap", {"Pattern": pattern})
     with pytest.raises(ParameterError, match="calibration = nothing"):
         foreign.import_texture(path)
     model = foreign.import_texture(path, calibration=4.0)
@@ -322,16 +309,9 @@ ONE = {"sample_rate": 1000, "channel_names": ["x"]}
         ("a.npz", {**ONE, "data": np.zeros(99)}, "is silent"),
         ("a.npz", {**ONE, "data": [1.0, 1e200]}, "data: must be num"),
         ("a.npz", {**ONE, "data": [1.0, np.nan]}, "data: must be num"),
-        (
-            "a.npz",
-            {**ONE, "channel_names": ["acc"] * 65, "data": []},
-            "65 channels: must be at most",
-        ),
+        ("a.npz", {**ONE, "channel_names": ["acc"] * 65, "data": []}, "65 channels: must be"),
         ("a.mp3", None, r"must be one of \*.xml, "),
-        *(
-            (name, None, "No such file")
-            for name in ("none.xml", "none.npz", "none.json", "none.ahap")
-        ),
+        *((f"none.{kind}", None, "No such file") for kind in ("xml", "npz", "json", "ahap")),
     ],
 )
 def test_a_wrong_file_is_refused(tmp_path: Path, name: str, content: Any, words: str) -> None:
@@ -345,10 +325,7 @@ def test_a_wrong_file_is_refused(tmp_path: Path, name: str, content: Any, words:
 
 
 def test_a_wrong_calibration_is_refused(tmp_path: Path) -> None:
-    for name, value, words in (
-        ("a.csv", 2.0, "has units: leave it out"),
-        ("a.wav", 0.0, "above 0"),
-    ):
+    for name, value, words in (("a.csv", 2.0, "has units: leave it"), ("a.wav", 0.0, "above 0")):
         with pytest.raises(ParameterError, match=rf"^calibration = {value:g}.*{words}"):
             foreign.import_texture(tmp_path / name, calibration=value)
 
@@ -442,10 +419,8 @@ def test_a_texture_is_stable_at_every_point_and_along_every_path(
     # Half of the path jumps, half creeps; a fifth of it is out of contact.
     for held in (1, 100):
         texture = Texture(model, rate, seed=1)
-        speeds, forces = (
-            np.repeat(random.uniform(low, high, count // held), held)
-            for low, high in ((0, 0.4), (-1, 4.5))
-        )
+        drawn = (random.uniform(*range_, count // held) for range_ in ((0, 0.4), (-1, 4.5)))
+        speeds, forces = (np.repeat(each, held) for each in drawn)
         samples = texture.block(speeds, np.maximum(forces, 0.0))
         assert np.all(np.abs(samples) <= 100.0)
         assert texture.saturated == np.sum(np.abs(samples) == 100.0)
@@ -454,12 +429,9 @@ def test_a_texture_is_stable_at_every_point_and_along_every_path(
 
 
 def test_a_pattern_of_many_events_is_refused(tmp_path: Path) -> None:
-    strength = [{"ParameterID": "HapticIntensity", "ParameterValue": 0.5}]
-    event = {"Time": 0, "EventType": "HapticContinuous", "EventParameters": strength}
-    path = tmp_path / "a.ahap"
-    for count, seconds, says in ((20_000, 0.01, "at most 10000 events"), (100, 60, "6000 s")):
-        pattern = [{"Event": {**event, "EventDuration": seconds}}] * count
-        path.write_text(json.dumps({"Pattern": pattern}))
+    for count, seconds, says in ((15_000, 0.01, "at most 10000 events"), (100, 60, "6000 s")):
+        pattern = [event("Continuous", 0.0, 0.5, 0.5, EventDuration=seconds)] * count
+        path = pattern_file(tmp_path / "a.ahap", {"Pattern": pattern})
         with measured(), pytest.raises(ParameterError, match=says):
             foreign.import_texture(path, calibration=1.0)
 

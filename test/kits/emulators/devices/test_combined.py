@@ -47,9 +47,8 @@ def plugged(options: dict[str, Any], board: Path) -> Iterator[None]:
     identity = Identity((1, 0, 0), 0b111, 10_000, 49.0, (0.0, 0.0, 0.0), "tool-1")
     emulated = EmulatedBoard(identity, board, lambda time: (0.0, 0.0, 5.0))
     ending = threading.Event()
-    line = CanLine(
-        SlcanPort(Path(options["can"].channel)), [arm], RATE, Faults("", CAN_FAULTS, 1.0)
-    )
+    port = SlcanPort(Path(options["can"].channel))
+    line = CanLine(port, [arm], RATE, Faults("", CAN_FAULTS, 1.0))
     parts = [line, SerialLines([emulated])]
     thread = threading.Thread(target=run, args=(parts, ending.is_set))
     thread.start()

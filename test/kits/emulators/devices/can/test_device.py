@@ -48,12 +48,8 @@ class Plugged:
     def __init__(self, port: CanPort, values: dict[str, Any], faults: str, seconds: float) -> None:
         self.values = {**PATIENT, **values}
         self.parameters = from_flat(CanSlave.Parameters, self.values)
-        self.arm = EmulatedArm(
-            self.parameters,
-            SimulatedSlave(SimulatedSlaveParameters(), RATE, 0),
-            rate=RATE,
-            watchdog=WATCHDOG,
-        )
+        slave = SimulatedSlave(SimulatedSlaveParameters(), RATE, 0)
+        self.arm = EmulatedArm(self.parameters, slave, rate=RATE, watchdog=WATCHDOG)
         self.line = CanLine(port, [self.arm], RATE, Faults(faults, CAN_FAULTS, seconds))
         self.device = CanSlave(self.parameters, RATE, 0)
         self._stop = threading.Event()
@@ -141,9 +137,8 @@ def test_a_force_moves_the_tip_and_closing_takes_it_off(
     # In the middle of the workspace, and the rig's tip 10 mm above its surface.
     assert start.position == pytest.approx((0.135, 0.0, -0.125), abs=1e-3)
     assert start.acceleration == ZERO
-    plugged.pushed_until(
-        lambda: device.read(0.0).position[0] > start.position[0] + 0.005, "pushed away"
-    )
+    beyond = start.position[0] + 0.005
+    plugged.pushed_until(lambda: device.read(0.0).position[0] > beyond, "pushed away")
     assert device.read(0.0).velocity[0] > 0
     device.close()
     wait_until(lambda: not any(axis.armed for axis in plugged.arm.axes), "idle")
@@ -213,9 +208,8 @@ def test_an_axis_error_takes_all_torques_off_until_it_is_armed_again(plug: Plug)
 
 @pytest.mark.parametrize("fault", ["heartbeat@0.1", "estimates@0.1", "bus_off@0.1"])
 def test_what_is_not_heard_takes_all_torques_off(plug: Plug, fault: str) -> None:
-    plugged = plug(
-        "virtual", faults=fault, seconds=1e6, heartbeat_timeout=0.5, estimates_timeout=0.5
-    )
+    patience = {"heartbeat_timeout": 0.5, "estimates_timeout": 0.5}
+    plugged = plug("virtual", faults=fault, seconds=1e6, **patience)
     plugged.pushed_until(lambda: not plugged.device.counters()["armed"], "let go")
     assert "joint1 (node 0): no " in plugged.device.problem
     wait_until(lambda: not plugged.exerted, "no torque, by command or by the drives' watchdogs")
@@ -231,10 +225,8 @@ def test_an_adapter_may_be_unplugged_and_plugged_in_again(plug: Plug, rearm: str
     plugged.pushed_until(lambda: bool(device.counters()["connected"]), "back")
     assert device.counters()["bus_losses"] == 1
     if rearm == "manual":
-        received = device.counters()["frames_received"]
-        plugged.pushed_until(
-            lambda: device.counters()["frames_received"] > received + 100, "well heard"
-        )
+        more = device.counters()["frames_received"] + 100
+        plugged.pushed_until(lambda: device.counters()["frames_received"] > more, "well heard")
         assert not device.counters()["armed"]
         assert not plugged.exerted
         assert device.arm() is None

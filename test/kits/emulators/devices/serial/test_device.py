@@ -71,11 +71,21 @@ def push(device: SerialDevice, board: Any, force: float, current: float) -> None
     wait_until(flows, f"{current} A")
 
 
+@pytest.fixture
+def board(bench: Make) -> Any:
+    return bench()
+
+
+@pytest.fixture
+def device(board: Any, connect: Make) -> SerialDevice:
+    """Return a driver that is connected to the board."""
+    return connect(board)  # type: ignore[no-any-return]
+
+
 # Samples and forces
 
 
-def test_samples_come_calibrated(bench: Make, connect: Make) -> None:
-    board = bench()
+def test_samples_come_calibrated(board: Any, connect: Make) -> None:
     board.hold(10.0)
     nominal = connect(board)
     wait_until(lambda: feel(nominal) == pytest.approx(10.0, abs=2e-3), "nominal samples")
@@ -85,9 +95,8 @@ def test_samples_come_calibrated(bench: Make, connect: Make) -> None:
     nominal.close()
     counts = round(10.0 / 49.0 * protocol.FULL_SCALE)
     calibrated = connect(board, calibration__gain=-0.001, calibration__offset=87.0)
-    wait_until(
-        lambda: feel(calibrated) == pytest.approx(-0.001 * (counts - 87)), "calibrated samples"
-    )
+    right = pytest.approx(-0.001 * (counts - 87))
+    wait_until(lambda: feel(calibrated) == right, "calibrated samples")
 
 
 CYCLE = 40
@@ -123,9 +132,8 @@ def test_each_tick_gets_the_sample_that_was_taken_at_it(
     align(device)
     first = tick()
     samples = {place: read(device, first + place / RATE) for place in range(1000)}
-    phases = {
-        place: sample.acceleration[ACTUATOR_AXIS] for place, sample in samples.items() if sample
-    }
+    along = {place: sample.acceleration for place, sample in samples.items() if sample}
+    phases = {place: acceleration[ACTUATOR_AXIS] for place, acceleration in along.items()}
     # An emulator that the machine stops for a tenth of a second leaves samples out.
     assert len(phases) > 700
     for place in phases.keys() & {place - 1 for place in phases}:
@@ -133,10 +141,8 @@ def test_each_tick_gets_the_sample_that_was_taken_at_it(
     assert device.counters()["samples_missing"] == len(samples) - len(phases)
 
 
-def test_a_force_acts_in_the_tick_at_which_it_is_due(bench: Make, connect: Make) -> None:
-    board = bench()
+def test_a_force_acts_in_the_tick_at_which_it_is_due(board: Any, device: SerialDevice) -> None:
     board.measure = phase
-    device = connect(board)
     align(device)
     first, step, latency, number = tick(), 0.01, 20, 200  # N, samples
     phases = {}
@@ -144,10 +150,8 @@ def test_a_force_acts_in_the_tick_at_which_it_is_due(bench: Make, connect: Make)
         sample = read(device, first + place / RATE)
         if sample:
             phases[place] = sample.acceleration[ACTUATOR_AXIS]
-        device.write(
-            first + (place + latency) / RATE,
-            actuator_force=along_actuator(step * (place + latency)),
-        )
+        due = place + latency
+        device.write(first + due / RATE, actuator_force=along_actuator(step * due))
     wait_until(lambda: board.current == 0.0, "no current")
     # The current says at which tick it was due, its time at which one it acted.
     acted = [(round(2.4 * current / step), time) for time, current in board.driven if current]
@@ -158,9 +162,9 @@ def test_a_force_acts_in_the_tick_at_which_it_is_due(bench: Make, connect: Make)
     assert compared - right <= device.late == device.counters()["set_points_late"]
 
 
-def test_a_force_that_is_due_now_discards_what_was_scheduled(bench: Make, connect: Make) -> None:
-    board = bench()
-    device = connect(board)
+def test_a_force_that_is_due_now_discards_what_was_scheduled(
+    board: Any, device: SerialDevice
+) -> None:
     align(device)
     for ahead in range(20):
         device.write(tick(0.05 + ahead / RATE), actuator_force=along_actuator(1.2))
@@ -171,8 +175,7 @@ def test_a_force_that_is_due_now_discards_what_was_scheduled(bench: Make, connec
     assert device.late == 0
 
 
-def test_a_board_of_another_rate_gives_its_newest_sample(bench: Make, connect: Make) -> None:
-    board = bench()
+def test_a_board_of_another_rate_gives_its_newest_sample(board: Any, connect: Make) -> None:
     device = connect(board, kind=SerialSlave, rate=4000, samples_per_frame=4)
     assert device.read(time.monotonic() - 1.0) is None, "nothing was taken as early"
     wait_until(lambda: not math.isnan(feel(device)), "samples")
@@ -184,9 +187,7 @@ def test_a_board_of_another_rate_gives_its_newest_sample(bench: Make, connect: M
     wait_until(lambda: feel(device) > 0.5, "the step")
 
 
-def test_a_force_becomes_a_current_within_full_scale(bench: Make, connect: Make) -> None:
-    board = bench()
-    device = connect(board)
+def test_a_force_becomes_a_current_within_full_scale(board: Any, device: SerialDevice) -> None:
     push(device, board, 1.2, 0.5)  # 2.4 N/A
     push(device, board, -2.4, -1.0)
     push(device, board, 1000.0, 2.75)
@@ -197,27 +198,23 @@ def test_a_force_becomes_a_current_within_full_scale(bench: Make, connect: Make)
     assert device.counters()["set_points_limited"] >= 5
 
 
-def test_swapped_wires_are_a_negative_constant(bench: Make, connect: Make) -> None:
-    board = bench()
+def test_swapped_wires_are_a_negative_constant(board: Any, connect: Make) -> None:
     device = connect(board, actuator__force_constant=-4.8)
     push(device, board, 2.4, -0.5)
 
 
-def test_silence_takes_the_current_off(bench: Make, connect: Make) -> None:
-    board = bench()
-    device = connect(board)
+def test_silence_takes_the_current_off(board: Any, device: SerialDevice) -> None:
     push(device, board, 1.2, 0.5)
     wait_until(lambda: board.current == 0.0, "no current")
-    wait_until(
-        lambda: device.counters()["board_state"] == protocol.State.TIMED_OUT, "the board saying so"
-    )
+    told = protocol.State.TIMED_OUT
+    wait_until(lambda: device.counters()["board_state"] == told, "the board saying so")
     assert device.counters()["board_timeouts"] >= 1
     push(device, board, 1.2, 0.5)
 
 
-def test_closing_leaves_no_current_and_no_samples(bench: Make, connect: Make, built: Make) -> None:
-    board = bench()
-    device = connect(board)
+def test_closing_leaves_no_current_and_no_samples(
+    board: Any, device: SerialDevice, built: Make
+) -> None:
     push(device, board, 1.2, 0.5)
     device.close()
     assert board.emulated.board.state is protocol.State.DISARMED
@@ -229,9 +226,7 @@ def test_closing_leaves_no_current_and_no_samples(bench: Make, connect: Make, bu
     built(SerialMaster, port=board.path).close()
 
 
-def test_a_device_can_be_opened_again(bench: Make, connect: Make) -> None:
-    board = bench()
-    device = connect(board)
+def test_a_device_can_be_opened_again(board: Any, device: SerialDevice) -> None:
     push(device, board, 1.2, 0.5)
     device.close()
     device.open()
@@ -239,14 +234,13 @@ def test_a_device_can_be_opened_again(bench: Make, connect: Make) -> None:
     push(device, board, 1.2, 0.5)
 
 
-@pytest.mark.parametrize(
-    ("number", "left"),
-    [(signal.SIGKILL, protocol.State.DISARMED), (signal.SIGSTOP, protocol.State.TIMED_OUT)],
-)
+LEFT = [(signal.SIGKILL, protocol.State.DISARMED), (signal.SIGSTOP, protocol.State.TIMED_OUT)]
+
+
+@pytest.mark.parametrize(("number", "left"), LEFT)
 def test_a_killed_or_frozen_driver_leaves_no_current(
-    bench: Make, number: signal.Signals, left: protocol.State
+    board: Any, number: signal.Signals, left: protocol.State
 ) -> None:
-    board = bench()
     code = (
         "import sys, time\n"
         "from haptic_accel.devices.serial.device import SerialMaster\n"
@@ -309,9 +303,8 @@ class HostileBoard:
         decoder, encoder = protocol.Decoder(), protocol.Encoder()
         answer: protocol.Message
         while not self._ending.wait(1e-3):
-            self._write(
-                encoder.encode(protocol.Error(protocol.ErrorCode.VALUE, 0, 0), 0)
-            )  # is there still
+            still_there = protocol.Error(protocol.ErrorCode.VALUE, 0, 0)
+            self._write(encoder.encode(still_there, 0))
             for frame in decoder.feed(self._port.read() or b""):
                 match protocol.read_message(frame):
                     case protocol.Identify():
@@ -365,9 +358,7 @@ count = st.integers(0, 2**32 - 1)
 counts16 = st.integers(-protocol.FULL_SCALE - 1, protocol.FULL_SCALE)
 said = st.one_of(
     st.builds(protocol.Samples, count, st.just(0b100), st.tuples(counts16, counts16)),
-    st.builds(
-        protocol.Samples, st.integers(0, 99), st.sampled_from([0b100, 0b10]), st.tuples(counts16)
-    ),
+    st.builds(protocol.Samples, byte, st.sampled_from([0b100, 0b10]), st.tuples(counts16)),
     st.builds(protocol.Status, st.sampled_from(protocol.State), st.tuples(counts16), *[count] * 8),
     st.builds(protocol.Error, st.sampled_from(protocol.ErrorCode), byte, byte),
     st.builds(protocol.Configuration, st.integers(0, 2**16 - 1), byte, byte),
@@ -401,10 +392,8 @@ def test_whatever_a_board_sends_is_borne(
     assert device.problem.isprintable()
 
 
-def test_damage_is_counted_and_borne(bench: Make, connect: Make) -> None:
-    board = bench()
+def test_damage_is_counted_and_borne(board: Any, device: SerialDevice) -> None:
     board.hold(10.0)
-    device = connect(board)
 
     def damaged() -> bool:
         for fault in (GARBAGE, DROP):
@@ -421,10 +410,8 @@ def test_damage_is_counted_and_borne(bench: Make, connect: Make) -> None:
 
 
 def test_a_board_that_was_gone_has_no_current_until_it_is_armed(
-    bench: Make, connect: Make
+    board: Any, device: SerialDevice
 ) -> None:
-    board = bench()
-    device = connect(board)
     push(device, board, 1.2, 0.5)
     board.inject(UNPLUG, 0.5)
     wait_until(lambda: not device.counters()["connected"], "being gone")
@@ -446,8 +433,7 @@ def test_a_board_that_was_gone_has_no_current_until_it_is_armed(
     assert device.problem == ""
 
 
-def test_a_driver_that_may_arms_again_by_itself(bench: Make, connect: Make) -> None:
-    board = bench()
+def test_a_driver_that_may_arms_again_by_itself(board: Any, connect: Make) -> None:
     device = connect(board, rearm="auto")
     push(device, board, 1.2, 0.5)
     board.inject(UNPLUG, 0.1)
@@ -455,9 +441,7 @@ def test_a_driver_that_may_arms_again_by_itself(bench: Make, connect: Make) -> N
     push(device, board, 1.2, 0.5)
 
 
-def test_a_board_that_says_nothing_is_gone(bench: Make, connect: Make) -> None:
-    board = bench()
-    device = connect(board)
+def test_a_board_that_says_nothing_is_gone(board: Any, device: SerialDevice) -> None:
     push(device, board, 1.2, 0.5)
     board.inject(STALL, 1.6)
     wait_until(lambda: "silent" in device.problem, "the silence")
@@ -466,9 +450,7 @@ def test_a_board_that_says_nothing_is_gone(bench: Make, connect: Make) -> None:
     assert device.counters()["armed"] == 0
 
 
-def test_a_short_stall_costs_samples_and_no_more(bench: Make, connect: Make) -> None:
-    board = bench()
-    device = connect(board)
+def test_a_short_stall_costs_samples_and_no_more(board: Any, device: SerialDevice) -> None:
     push(device, board, 1.2, 0.5)
     board.inject(STALL, 0.05)
     wait_until(lambda: device.counters()["board_timeouts"] >= 1, "the time-out")
@@ -476,9 +458,9 @@ def test_a_short_stall_costs_samples_and_no_more(bench: Make, connect: Make) -> 
     assert device.counters()["reconnects"] == 0
 
 
-def test_another_board_in_its_place_is_refused(bench: Make, connect: Make) -> None:
-    board = bench()
-    device = connect(board)
+def test_another_board_in_its_place_is_refused(
+    bench: Make, board: Any, device: SerialDevice
+) -> None:
     board.end()
     bench(replace(HANDLE, serial_number="other"))
     wait_until(lambda: "board other must be handle-1" in device.problem, "the refusal")
@@ -514,10 +496,8 @@ def test_a_board_that_does_not_fit_is_refused(
 
 
 @pytest.mark.usefixtures("older")
-def test_a_board_with_protocol_2_goes_on_as_before(bench: Make, connect: Make) -> None:
-    board = bench()
+def test_a_board_with_protocol_2_goes_on_as_before(board: Any, device: SerialDevice) -> None:
     board.hold(10.0)
-    device = connect(board)
     wait_until(lambda: feel(device) == pytest.approx(10.0, abs=2e-3), "samples")
     push(device, board, 1.2, 0.5)
     board.inject(UNPLUG, 0.2)
@@ -525,16 +505,14 @@ def test_a_board_with_protocol_2_goes_on_as_before(bench: Make, connect: Make) -
     assert device.counters()["frames_wrong"] == 0
 
 
-def test_a_port_that_is_open_is_busy(bench: Make, connect: Make) -> None:
-    board = bench()
-    connect(board)
+@pytest.mark.usefixtures("device")
+def test_a_port_that_is_open_is_busy(board: Any, connect: Make) -> None:
     with pytest.raises(DeviceError, match=f"{board.path}: busy: another program has it open"):
         connect(board)
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can become another user")
-def test_a_missing_permission_is_told(bench: Make) -> None:
-    board = bench()
+def test_a_missing_permission_is_told(board: Any) -> None:
     terminal = os.path.realpath(board.path)
     os.chmod(terminal, 0o600)
     code = (
@@ -545,7 +523,5 @@ def test_a_missing_permission_is_told(bench: Make) -> None:
         "try: Port(sys.argv[1])\n"
         "except DeviceError as error: print(error)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, terminal], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.startswith(f"{terminal}: no permission: join the group dialout")
+    said = subprocess.check_output([sys.executable, "-c", code, terminal], text=True)
+    assert said.startswith(f"{terminal}: no permission: join the group dialout")

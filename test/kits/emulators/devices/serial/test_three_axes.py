@@ -57,9 +57,7 @@ def test_three_axes_are_measured_and_driven_together(bench: Make, connect: Make)
     device = connect(board)
     assert device.axes == ALL_AXES
     board.hold(10.0)
-    wait_until(
-        lambda: feel(device) == pytest.approx((1.0, 2.0, 10.0), abs=2e-3), "all accelerations"
-    )
+    wait_until(lambda: feel(device) == pytest.approx((1.0, 2.0, 10.0), abs=2e-3), "all three")
     wait_until(lambda: device.counters()["aligned"] == 1, "alignment")
     push(device, board, (1.2, -0.6, 2.4), (0.5, -0.25, 1.0))  # 2.4 N/A
     wait_until(lambda: board.emulated.currents == ZERO, "the time-out of all coils")
@@ -91,9 +89,7 @@ def test_sensor_and_coils_are_turned_to_the_frame_of_the_handle(
         coil_mounting=TURNED,
     )
     # The sensor's x is the handle's y, with (1 - 0.5) * 2 m/s^2, and its y the handle's -x.
-    wait_until(
-        lambda: feel(device) == pytest.approx((-2.0, 1.0, 10.0), abs=4e-3), "turned samples"
-    )
+    wait_until(lambda: feel(device) == pytest.approx((-2.0, 1.0, 10.0), abs=4e-3), "turned ones")
     assert ", calibrated" in device.remark
     push(device, board, (1.2, 0.6, 2.4), (0.25, -0.5, 1.0))
 
