@@ -23,16 +23,9 @@ from haptic_accel.setup.node_parameters import SAFETY, build_parameters
 from haptic_accel.setup.setup import Setup
 from one_coil import OneCoil
 
-COIL = ActuatorParameters(
-    m_a=0.031,
-    k_s=410.0,
-    b_s=1.3,
-    travel=2.5e-3,
-    peak_force=4.0,
-    continuous_force=1.5,
-    thermal_time=7.0,
-    force_constant=-3.1,
-)
+MOTION = {"m_a": 0.031, "k_s": 410.0, "b_s": 1.3, "travel": 2.5e-3}
+HEAT = {"peak_force": 4.0, "continuous_force": 1.5, "thermal_time": 7.0}
+COIL = ActuatorParameters(**MOTION, **HEAT, force_constant=-3.1)
 RATE = 1000.0
 
 
@@ -50,10 +43,9 @@ class Wire:
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     """Return a parameter file that describes the coil, and the port of its board."""
-    content = {
-        "/**": {"ros__parameters": {ACTUATOR: asdict(COIL)}},
-        "master_device": {"ros__parameters": {"serial": {"port": "/dev/coil"}}},
-    }
+    serial = {"serial": {"port": "/dev/coil"}}
+    content = {"/**": {ACTUATOR: asdict(COIL)}, "master_device": serial}
+    content = {key: {"ros__parameters": values} for key, values in content.items()}
     path = tmp_path / "coil.yaml"
     path.write_text(yaml.safe_dump(content))
     return path
@@ -74,9 +66,8 @@ def test_one_block_describes_the_actuator_to_every_node(file: Path, rig: str) ->
     assert master["simulated"].actuator == master["serial"].actuator == COIL
     for handle in (compensator[PLANT].handle, master["simulated"].handle):
         assert (handle.m_a, handle.k_s, handle.b_s) == suspension
-    _, identifier = build_parameters(
-        "identifier", Setup.of(IdentifyArguments(params_file=str(file))).values["identifier"]
-    )
+    own = Setup.of(IdentifyArguments(params_file=str(file))).values["identifier"]
+    _, identifier = build_parameters("identifier", own)
     assert identifier[ACTUATOR] == COIL
 
 

@@ -60,11 +60,8 @@ def test_the_bases_stand_where_the_description_puts_them() -> None:
     </robot>
     """
     master, slave, handle, tool = frames_at_rest(robot)
-    assert (master.parent, master.position, master.rotation) == (
-        "bench",
-        ("1", "2", "3"),
-        ("0", "0", "1.57"),
-    )
+    place = (master.parent, master.position, master.rotation)
+    assert place == ("bench", ("1", "2", "3"), ("0", "0", "1.57"))
     assert (slave.parent, slave.position) == ("bench", ("0", "0", "0"))
     assert (handle.parent, tool.parent) == ("master_base", "slave_base")
     assert handle.position == tool.rotation == ("0", "0", "0")

@@ -32,7 +32,7 @@ from haptic_accel.devices.rclpy_internals import EventsExecutor
 from haptic_accel.nodes.supervised_node import message_type, quality
 from haptic_accel.setup.node_parameters import NODES, node_schema
 from observing import Observer
-from running import PATIENCE, Command
+from running import PATIENCE, Command, Start
 
 FORCES = (MASTER_ARM_FORCE, SLAVE_ARM_FORCE, ACTUATOR_FORCE)
 
@@ -145,10 +145,8 @@ class Hostile:
             if not name.startswith(OWN) and self._node.count_services(name):
                 self.services[name] = imported(kind)
                 self._client(self.services[name], name)
-        self.until(
-            lambda: all(self._clients[name].service_is_ready() for name in self.services),
-            "all services",
-        )
+        clients = [self._clients[name] for name in self.services]
+        self.until(lambda: all(each.service_is_ready() for each in clients), "all services")
         for name, (kind, *_) in self._node.get_topic_names_and_types():
             self.topics[name] = imported(kind)
 
@@ -167,13 +165,8 @@ class Hostile:
         for name, request in requests:
             of.setdefault(name, []).append(request)
         for first in range(0, max(map(len, of.values()), default=0), REQUESTS_KEPT):
-            self._ask_at_once(
-                [
-                    (name, request)
-                    for name, each in of.items()
-                    for request in each[first : first + REQUESTS_KEPT]
-                ]
-            )
+            kept = slice(first, first + REQUESTS_KEPT)
+            self._ask_at_once([(name, request) for name in of for request in of[name][kept]])
         self.sent += len(requests)
 
     def _ask_at_once(self, requests: list[tuple[str, Any]]) -> None:
@@ -245,9 +238,7 @@ def harmless(service: str, request: Any) -> bool:
 
 
 @pytest.fixture
-def hostile(
-    haptic_accel: Callable[..., Command], start: Callable[..., Command], observer: Observer
-) -> Iterator[Hostile]:
+def hostile(haptic_accel: Start, start: Start, observer: Observer) -> Iterator[Hostile]:
     """Start every node there is, and one that is hostile to them."""
     words = ("bag:=bag", "scope:=true", "scope_port:=0", "rate:=250")
     graph = haptic_accel("teleop", *words)

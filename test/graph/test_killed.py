@@ -57,11 +57,9 @@ def stop_for_a_while(graph: LiveGraph, stopped: str) -> None:
 
 def wait_for_silence(observer: Observer, device: str, forces: list[str]) -> None:
     """Wait until a device has noted silence and is without these forces."""
-    observer.status(
-        device,
-        least={f"{force} timeouts": 1 for force in forces},
-        **{f"{force} held (N)": "0.000" for force in forces},
-    )
+    late = {f"{force} timeouts": 1 for force in forces}
+    held = {f"{force} held (N)": "0.000" for force in forces}
+    observer.status(device, least=late, **held)
 
 
 @pytest.mark.slow

@@ -109,9 +109,10 @@ def ended(node: SimpleNamespace, status: int, *, shutdown: bool = False) -> Any:
     return node.on_exit(event, SimpleNamespace(is_shutdown=shutdown))
 
 
-@pytest.mark.parametrize(
-    ("name", "kind"), [("teleop", GraphArguments), ("identify", IdentifyArguments)]
-)
+KINDS = [("teleop", GraphArguments), ("identify", IdentifyArguments)]
+
+
+@pytest.mark.parametrize(("name", "kind"), KINDS)
 def test_every_argument_is_declared_with_default_and_text(name: str, kind: type[Checked]) -> None:
     assert declared(name) == described(kind)
 
@@ -120,37 +121,29 @@ def test_a_replay_declares_its_own_arguments_and_those_of_the_graph() -> None:
     assert declared("replay") == described_replay()
 
 
+GRAPHS: dict[str, Callable[[list[str]], list[Process]]] = {
+    "teleop": lambda words: graph(parse_arguments(words)),
+    "identify": lambda words: identification_graph(parse_assignments(words, IdentifyArguments)),
+    "replay": lambda words: graph(replay_arguments(words).graph),
+}
+"""Processes that a verb starts for its words."""
+
+
 @pytest.mark.parametrize(
-    ("name", "words", "expected"),
+    ("name", "words"),
     [
-        ("teleop", {}, lambda words: graph(parse_arguments(words))),
-        ("teleop", {"master": "pointer"}, lambda words: graph(parse_arguments(words))),
-        (
-            "teleop",
-            {"controller": "constant", "composed": "false", "scope": "true", "namespace": "left"},
-            lambda words: graph(parse_arguments(words)),
-        ),
-        (
-            "teleop",
-            {"slave": "virtual", "surface": "workshop"},
-            lambda words: graph(parse_arguments(words)),
-        ),
-        (
-            "identify",
-            {"grip": "pinch", "trials": "1"},
-            lambda words: identification_graph(parse_assignments(words, IdentifyArguments)),
-        ),
-        (
-            "replay",
-            {"bag": str(BAG), "controller": "inverse"},
-            lambda words: graph(replay_arguments(words).graph),
-        ),
+        ("teleop", {}),
+        ("teleop", {"master": "pointer"}),
+        ("teleop", {"controller": "none", "composed": "false", "scope": "true", "namespace": "a"}),
+        ("teleop", {"slave": "virtual", "surface": "workshop"}),
+        ("identify", {"grip": "pinch", "trials": "1"}),
+        ("replay", {"bag": str(BAG), "controller": "inverse"}),
     ],
 )
 def test_the_nodes_are_those_of_the_command_line_with_the_same_parameters(
-    start: Start, name: str, words: Words, expected: Callable[[list[str]], list[Process]]
+    start: Start, name: str, words: Words
 ) -> None:
-    processes = expected([f"{key}:={value}" for key, value in words.items()])
+    processes = GRAPHS[name]([f"{key}:={value}" for key, value in words.items()])
     nodes = start(name, **words)
     assert [node.executable for node in nodes.values()] == [p.executable for p in processes]
     for process in processes:
@@ -177,11 +170,8 @@ def test_a_namespace_around_the_launch_file_counts_as_in_launch_ros(
     start: Start, tmp_path: Path, pushed: str, namespace: str, found: str
 ) -> None:
     mine = tmp_path / "mine.yaml"
-    for key, k_m in (
-        ("/**/coupler", 200.0),
-        ("/lab/coupler", 300.0),
-        ("/lab/left/coupler", 400.0),
-    ):
+    keys = {"/**/coupler": 200.0, "/lab/coupler": 300.0, "/lab/left/coupler": 400.0}
+    for key, k_m in keys.items():
         with mine.open("a") as file:
             file.write(f"{key}: {{ros__parameters: {{k_m: {k_m}}}}}\n")
     around = {"ros_namespace": pushed} if pushed else {}

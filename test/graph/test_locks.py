@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
 from contextlib import closing
 
 import pytest
@@ -14,10 +13,8 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import MASTER_ARM_FORCE
 from haptic_accel.graph.locks import lock_signal, sole_graph
-from running import Command, sending
+from running import Start, sending
 from verbs import refusal
-
-Start = Callable[..., Command]
 
 TOPIC = f"/{MASTER_ARM_FORCE.name}"
 

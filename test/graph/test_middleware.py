@@ -10,8 +10,6 @@ import os
 import pwd
 import re
 import subprocess
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -32,7 +30,7 @@ from haptic_accel.graph.middleware import (
 )
 from nightly import rest_slow
 from observing import Observer
-from running import Command
+from running import Start, python
 from verbs import refusal
 
 HOME = {"HOME": "/home/user"}
@@ -41,9 +39,8 @@ LOOPBACK = "0100007F"
 """127.0.0.1 as /proc/net/udp shows it."""
 
 
-LOOPBACK_ALONE, NETWORK = (
-    dict.fromkeys(PROFILES_FILES, str(profile)) for profile in (LOOPBACK_PROFILE, NETWORK_PROFILE)
-)
+PROFILES = (LOOPBACK_PROFILE, NETWORK_PROFILE)
+LOOPBACK_ALONE, NETWORK = (dict.fromkeys(PROFILES_FILES, str(each)) for each in PROFILES)
 
 
 @pytest.mark.parametrize(
@@ -79,17 +76,14 @@ def udp_addresses(pid: int) -> set[str]:
     """Return the local addresses of a process' UDP sockets, as /proc shows them."""
     links = [str(path.readlink()) for path in Path(f"/proc/{pid}/fd").iterdir()]
     inodes = {found[1] for link in links if (found := re.fullmatch(r"socket:\[(\d+)\]", link))}
-    rows = [
-        line.split()
-        for family in ("udp", "udp6")
-        for line in Path(f"/proc/{pid}/net/{family}").read_text().splitlines()[1:]
-    ]
+    texts = [Path(f"/proc/{pid}/net/{family}").read_text() for family in ("udp", "udp6")]
+    rows = [line.split() for text in texts for line in text.splitlines()[1:]]
     return {row[1].split(":")[0] for row in rows if row[9] in inodes}
 
 
 @pytest.mark.quiet
 def test_every_socket_is_bound_to_the_machine_where_plain_ros_nodes_find_the_graph(
-    start: Callable[..., Command], observer: Observer, domain: int, monkeypatch: pytest.MonkeyPatch
+    start: Start, observer: Observer, domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for variable in VARIABLES:
         monkeypatch.delenv(variable, raising=False)
@@ -140,7 +134,7 @@ def test_an_environment_without_nodes_is_refused_in_a_line_that_names_the_variab
 
 @pytest.mark.quiet
 def test_a_node_of_its_own_refuses_such_an_environment(
-    start: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
+    start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(DISCOVERY_RANGE, "OFF")
     command = start("-m", "haptic_accel.nodes.coupler")
@@ -151,8 +145,7 @@ def test_a_node_of_its_own_refuses_such_an_environment(
 def without_ros(folder: Path, code: str) -> subprocess.CompletedProcess[str]:
     """Run code in a Python that has no ROS 2."""
     hidden = f"import sys; sys.modules.update(dict.fromkeys({sorted(ROS_PACKAGES)}))"
-    command = [sys.executable, "-c", f"{hidden}; {code}"]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return python("-c", f"{hidden}; {code}", cwd=folder)
 
 
 def verb(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -164,15 +157,9 @@ def verb(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     "words",
     rest_slow(
         [
-            ["teleop", "duration:=1"],
-            ["estop", "release:=true"],
-            ["control", "controller:=none"],
-            ["teleop", "master:=pointer", "scope:=true"],
-            ["experiment"],
-            ["identify"],
-            ["bench", "latency"],
-            ["scope"],
-            ["record", "start"],
+            *(["teleop", "duration:=1"], ["estop", "release:=true"]),
+            *(["control", "controller:=none"], ["teleop", "master:=pointer", "scope:=true"]),
+            *(["experiment"], ["identify"], ["bench", "latency"], ["scope"], ["record", "start"]),
         ],
         now=3,
     ),

@@ -36,9 +36,8 @@ def script(name: str, text: str) -> Process:
     return Process(name, {"script": {"": text}})
 
 
-WAIT = (
-    "import signal, sys; signal.signal(signal.SIGTERM, lambda *_: sys.exit(0)); {}signal.pause()"
-)
+WAIT = "import signal, sys; signal.signal(signal.SIGTERM, lambda *_: sys.exit(0)); {}"
+WAIT += "signal.pause()"
 PATIENT = WAIT.format("print('up', flush=True); ")
 
 
@@ -80,9 +79,8 @@ def test_the_graph_goes_on_without_what_is_optional_and_says_so() -> None:
             up.set()
 
     looking = replace(script("looking", "raise SystemExit(3)"), optional=True)
-    outcome = Supervisor([script("patient", PATIENT), looking], on_line=hear).run(
-        lambda: told.is_set() and up.is_set()
-    )
+    supervisor = Supervisor([script("patient", PATIENT), looking], on_line=hear)
+    outcome = supervisor.run(lambda: told.is_set() and up.is_set())
     assert ("looking", "ended with status 3; the graph goes on without it") in said
     assert outcome.first == ""
     assert outcome.statuses == {"patient": 0}
@@ -101,9 +99,8 @@ def test_a_process_that_fails_is_started_again_until_it_ends_well(
         f"import os; tries = open({str(tries)!r}, 'a'); tries.write('x'); tries.close()\n"
         f"raise SystemExit(3 if os.stat({str(tries)!r}).st_size < 3 else 0)",
     )
-    outcome = Supervisor(
-        [replace(failing, respawn=True)], on_line=lambda _, line: said.append(line)
-    ).run()
+    again = [replace(failing, respawn=True)]
+    outcome = Supervisor(again, on_line=lambda _, line: said.append(line)).run()
     assert said == ["ended with status 3; it is started again"] * 2
     assert (outcome.first, outcome.status, outcome.failed) == ("failing", 0, {})
 
@@ -160,10 +157,8 @@ def test_a_signal_at_any_instant_leaves_it_looking(monkeypatch: pytest.MonkeyPat
     assert outcome.first == ""
 
 
-DEAF = (
-    "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('up', flush=True)\n"
-    "while True: signal.pause()"
-)
+DEAF = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('up', flush=True)\n"
+DEAF += "while True: signal.pause()"
 SLOW = (
     "import os, signal, time\n"
     "signal.signal(signal.SIGTERM, lambda *_: (time.sleep(0.5), os._exit(0)))\n"
@@ -300,9 +295,6 @@ def test_no_event_is_dropped_with_lines_that_nobody_reads() -> None:
         stopped.wait(0.5)  # once: meanwhile more lines come than can wait
         stopped.set()
 
-    Supervisor(
-        [script("many", MANY)],
-        on_line=read_slowly,
-        on_event=lambda _, event: told.append(event["path"]),
-    ).run()
+    paths = {"on_event": lambda _, event: told.append(event["path"])}
+    Supervisor([script("many", MANY)], on_line=read_slowly, **paths).run()
     assert told == ["bag"]

@@ -60,9 +60,8 @@ class Bench:
         self.forces: list[Vector] = []
         self.desired: list[Vector] = []
         self._other.listen(topics.ACTUATOR_FORCE, self._keep)
-        self._other.listen(
-            topics.DESIRED_ACCELERATION, lambda _, vector: self.desired.append(vector)
-        )
+        listen, topic = self._other.listen, topics.DESIRED_ACCELERATION
+        listen(topic, lambda _, vector: self.desired.append(vector))
 
     def send(self, ahead: int) -> None:
         """Send a sample with a stamp ahead of now, in ns."""
@@ -194,10 +193,11 @@ def test_a_turned_handle_has_the_tools_vibration_in_its_own_axes(bench: Bench) -
     bench.run(0, turned)  # the last valid orientation is kept
 
 
+AXES = [("z", 2), *(("'x, y, z'", axis) for axis in range(3))]
+
+
 @pytest.mark.parametrize("spoilt", ["tool", "handle"])
-@pytest.mark.parametrize(
-    ("bench", "axis"), [("z", 2), *(("'x, y, z'", axis) for axis in range(3))], indirect=["bench"]
-)
+@pytest.mark.parametrize(("bench", "axis"), AXES, indirect=["bench"])
 def test_nothing_is_felt_of_a_sample_with_an_axis_that_is_no_number(
     bench: Bench, axis: int, spoilt: str, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +16,12 @@ from rclpy.parameter import Parameter
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.topics import MASTER, SLAVE
 from observing import Observer
-from running import Command
+from running import Start
 
 
 @pytest.mark.slow
 def test_gains_fade_in_while_the_arms_are_coupled(
-    haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
+    haptic_accel: Start, observer: Observer, tmp_path: Path
 ) -> None:
     def wait_for_forces(count: int) -> None:
         name = "arm force count"
@@ -53,9 +52,8 @@ def test_gains_fade_in_while_the_arms_are_coupled(
     # The gains are those of the forces: f = -k_m lag - b slip, along the actuator.
     start, rate = int(force.stamps[-1]) - 1_500_000_000, 1000.0
     measured = MASTER.position, SLAVE.position, MASTER.velocity, SLAVE.velocity
-    (pull, felt), *motion = (
-        found[topic.name].on_grid(start, rate, 1400) for topic in (MASTER.arm_force, *measured)
-    )
+    topics = (MASTER.arm_force, *measured)
+    (pull, felt), *motion = (found[each.name].on_grid(start, rate, 1400) for each in topics)
     there = np.logical_and.reduce([felt, *(here for _, here in motion)])
     m, s, m_velocity, s_velocity = (values[there] for values, _ in motion)
     columns = np.stack([s - m, s_velocity - m_velocity, np.ones(len(m))], axis=1)
@@ -64,7 +62,7 @@ def test_gains_fade_in_while_the_arms_are_coupled(
 
 
 def test_a_passive_coupling_keeps_account_and_takes_other_gains_of_its_own_alone(
-    haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
+    haptic_accel: Start, observer: Observer, tmp_path: Path
 ) -> None:
     graph = haptic_accel("teleop", "bag:=bag", "coupling:=passive")
     graph.wait_for("engaged")
@@ -79,11 +77,8 @@ def test_a_passive_coupling_keeps_account_and_takes_other_gains_of_its_own_alone
     force, height = (bag.signals[topic.name].values for topic in (SLAVE.arm_force, SLAVE.position))
     assert np.any(force)
     assert height[-1, 2] < height[0, 2] - 5e-3, "the slave follows the hand to the surface"
-    energies = [
-        float(each.values[f"{arm} energy (mJ)"])
-        for each in bag.diagnostics
-        if each.node == "coupler"
-        for arm in ("master", "slave")
-    ]
+    own = [each.values for each in bag.diagnostics if each.node == "coupler"]
+    arms = ("master", "slave")
+    energies = [float(each[f"{arm} energy (mJ)"]) for each in own for arm in arms]
     assert energies
     assert all(map(np.isfinite, energies))

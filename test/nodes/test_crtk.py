@@ -28,7 +28,7 @@ from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.scheduling import StopPoll
 from haptic_accel.nodes.slave_device import build_slave_device
 from observing import Observer
-from running import PATIENCE, Command, wait_until
+from running import PATIENCE, Start, wait_until
 
 GOAL = (0.02, 0.0, 0.015)
 """A position above the surface, m; the tip begins at (0, 0, 0.01)."""
@@ -231,11 +231,8 @@ def test_a_position_that_is_not_finite_is_refused(client: Client) -> None:
         return int(client.arm.diagnostics()[1]["positions refused"])
 
     for value in (math.nan, math.inf):
-        before = refused()
-        client.until(
-            lambda before=before: refused() > before,
-            lambda value=value: client.move((value, 0.0, 0.0)),
-        )
+        before, goal = refused(), (value, 0.0, 0.0)
+        client.until(lambda n=before: refused() > n, lambda goal=goal: client.move(goal))
         assert not client.is_held
 
 
@@ -290,7 +287,7 @@ print("left", left, threads_after(build_slave_device)[1])
 
 
 def test_no_thread_of_the_middleware_outlives_a_managed_node(
-    start: Callable[..., Command],
+    start: Start,
 ) -> None:
     command = start("-c", DESTROYED)
     assert command.end() == 0, command.text
@@ -325,12 +322,12 @@ def test_every_request_that_comes_at_once_is_answered(
     executor: EventsExecutor, observer: Observer
 ) -> None:
     events: list[tuple[str, str]] = []
-    heard = observer.node.create_subscription(
-        TransitionEvent,
-        "/slave_device/transition_event",
-        lambda event: events.append((event.start_state.label, event.goal_state.label)),
-        10,
-    )
+
+    def keep(event: TransitionEvent) -> None:
+        events.append((event.start_state.label, event.goal_state.label))
+
+    topic = "/slave_device/transition_event"
+    heard = observer.node.create_subscription(TransitionEvent, topic, keep, 10)
     wait_until(lambda: heard.get_publisher_count() == 1, "the publisher of changes")
 
     def answered(kind: type, name: str, request: object) -> list[Any]:

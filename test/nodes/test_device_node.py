@@ -50,6 +50,9 @@ from sound_cards import NAME, received, sound_card
 PERIOD = 1_000_000
 """Period of the default rate, ns."""
 
+DRIVE = (0.1, 0.0, 0.2), 0.3
+"""Forces of the arm and of the actuator that drive the device, N."""
+
 STOP = {"arm_force": ZERO, "actuator_force": ZERO}
 
 
@@ -107,10 +110,14 @@ class Bench:
         self.other.listen_state(topics.MASTER_STOPPED, self.answers.append)
 
     @property
+    def device(self) -> Witness:
+        assert isinstance(self.node.device, Witness)
+        return self.node.device
+
+    @property
     def written(self) -> list[dict[str, Any]]:
         """Commands that were written to the device so far."""
-        assert isinstance(self.node.device, Witness)
-        return self.node.device.written
+        return self.device.written
 
     def wrote(self, name: str, force: Any, first: int = 0) -> bool:
         """Return whether a force was written to the device."""
@@ -134,6 +141,12 @@ class Bench:
         moment = time.time_ns() - round(age * 1e9)
         self._arm.send(moment, arm)
         self._actuator.send(moment, along_actuator(actuator))
+
+    def drive(self, times: int = 1) -> None:
+        """Send forces a few times, and let both nodes do what is due after each."""
+        for _ in range(times):
+            self.command(*DRIVE)
+            self.turn()
 
     def send_actuator(self, stamp: int, force: float) -> None:
         """Send a force to the actuator, made of a sample with a stamp, ns."""
@@ -170,7 +183,7 @@ class Bench:
         before = len(self.written)
 
         def both() -> bool:
-            self.command((0.1, 0.0, 0.2), 0.3)
+            self.command(*DRIVE)
             names = {name for forces in self.written[before:] for name in forces}
             return names == {"arm_force", "actuator_force"}
 
@@ -183,7 +196,7 @@ class Bench:
 
         def answered() -> bool:
             if driven:
-                self.command((0.1, 0.0, 0.2), 0.3)
+                self.command(*DRIVE)
             return self.answers[known:][-1:] == [True]
 
         self.until(answered)
@@ -231,9 +244,7 @@ def test_the_first_command_after_a_stop_is_zero_and_there_is_no_other(bench: Ben
     bench.stop()
     assert STOP in bench.written[before:]
     stopped = len(bench.written)
-    for _ in range(50):
-        bench.command((0.1, 0.0, 0.2), 0.3)
-        bench.turn()
+    bench.drive(50)
     bench.stop()
     again = bench.written[stopped:]
     assert STOP in again, "the second stop writes zero again"
@@ -258,9 +269,8 @@ def test_a_display_gets_positions_as_joints_of_the_description(bench: Bench) -> 
     states: list[JointState] = []
     positions: dict[int, Vector] = {}
     bench.other.listen(topics.MASTER_POSITION, positions.__setitem__)
-    shown = bench.other.create_subscription(
-        JointState, topics.JOINT_STATES.name, states.append, 10
-    )
+    joints = topics.JOINT_STATES.name
+    shown = bench.other.create_subscription(JointState, joints, states.append, 10)
     bench.until(lambda: len(states) >= 5)
     bench.other.destroy_subscription(shown)
     stamps = [state.header.stamp.sec * 10**9 + state.header.stamp.nanosec for state in states]
@@ -300,9 +310,8 @@ def test_subscribers_of_either_reliability_get_the_samples(bench: Bench) -> None
     received: dict[bool, list[Any]] = {True: [], False: []}
     for reliable, messages in received.items():
         topic = replace(topics.MASTER_POSITION, reliable=reliable)
-        bench.other.create_subscription(
-            message_type(topic), topic.name, messages.append, quality(topic)
-        )
+        kind, keeping = message_type(topic), quality(topic)
+        bench.other.create_subscription(kind, topic.name, messages.append, keeping)
     bench.until(lambda: all(received.values()))
 
 
@@ -312,11 +321,11 @@ def test_a_command_that_a_second_node_publishes_too_is_refused_meanwhile(bench: 
     second = rclpy.create_node("second")
     publisher = second.create_publisher(message_type(force), force.name, quality(force))
     bench.warned("actuator force: no force while it is sent by /coupler and /second")
-    bench.command((0.1, 0.0, 0.2), 0.3)
+    bench.command(*DRIVE)
     before = len(bench.written)
 
     def goes_on() -> bool:
-        bench.command((0.1, 0.0, 0.2), 0.3)
+        bench.command(*DRIVE)
         written = [forces.get("arm_force") for forces in bench.written[before:]]
         return written.count((0.1, 0.0, 0.2)) > 20
 
@@ -333,12 +342,11 @@ RIVAL = (0.0, 0.7, -0.5)
 POSITION_COMMAND = topics.MASTER.topic("servo_cp", topics.MASTER_POSITION.type)
 
 
+COMMANDS = [topics.ACTUATOR_FORCE, topics.MASTER_ARM_FORCE, POSITION_COMMAND]
+
+
 @pytest.mark.parametrize("seen", [False, True])
-@pytest.mark.parametrize(
-    "command",
-    [topics.ACTUATOR_FORCE, topics.MASTER_ARM_FORCE, POSITION_COMMAND],
-    ids=lambda topic: topic.name,
-)
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda topic: topic.name)
 def test_no_message_of_a_publisher_that_has_left_is_applied(
     bench: Bench, command: topics.Topic, *, seen: bool
 ) -> None:
@@ -391,8 +399,7 @@ def test_no_force_is_applied_before_it_is_known_whether_there_is_a_stop(
     monkeypatch.setattr(engagement, "LATCHED_SETTLING", PATIENCE)
     taken = time.monotonic() + 20 * ARM_TIMEOUT
     while time.monotonic() < taken:
-        bench.command((0.1, 0.0, 0.2), 0.3)
-        bench.turn()
+        bench.drive()
     assert all(forces in (STOP, {}) for forces in bench.written)
     assert bench.answers == []
     assert bench.release() == "has just started: ask again in a second"
@@ -431,9 +438,7 @@ def test_where_recovery_is_manual_a_service_arms(bench: Bench) -> None:
     bench.driven()
     bench.warned("not armed: arm force: none for 20 ms, actuator force: none for 5 ms")
     before = len(bench.written)
-    for _ in range(20):
-        bench.command((0.1, 0.0, 0.2), 0.3)
-        bench.turn()
+    bench.drive(20)
     assert bench.written[before:] == []
     answer = bench.call(Trigger, "master_device/arm", Trigger.Request())
     assert (answer.success, answer.message) == (True, "armed")
@@ -451,7 +456,7 @@ def test_no_forces_are_allowed_while_the_device_applies_none(
         return [float(value) for key, value in values.items() if key.endswith(f" {name} (N)")]
 
     def driven() -> bool:
-        bench.command((0.1, 0.0, 0.2), 0.3)
+        bench.command(*DRIVE)
         return all(shown("held"))
 
     bench.until(driven)
@@ -468,10 +473,8 @@ def test_no_forces_are_allowed_while_the_device_applies_none(
 
 def test_a_report_has_the_counts_up_to_now(bench: Bench) -> None:
     bench.driven()
-    counts = [
-        json.loads(bench.call(Trigger, "master_device/report", Trigger.Request()).message)
-        for _ in range(2)
-    ]
+    ask = ("master_device/report", Trigger.Request())
+    counts = [json.loads(bench.call(Trigger, *ask).message) for _ in range(2)]
     due = [int(each["actuator force due"]) for each in counts]
     assert 0 < due[0] <= due[1]
     assert float(counts[1]["actuator force late (s)"]) >= 0.0
@@ -521,9 +524,7 @@ def test_states_open_enable_and_close_the_device(bench: Bench) -> None:
     assert bench.change_state("configure")
     assert state() == "inactive"
     bench.until(lambda: len(heard) > 10)
-    for _ in range(20):
-        bench.command((0.1, 0.0, 0.2), 0.3)
-        bench.turn()
+    bench.drive(20)
     assert bench.written == [], "read, but not moved"
     assert bench.change_state("activate")
     bench.driven()
@@ -550,8 +551,7 @@ def test_states_open_enable_and_close_the_device(bench: Bench) -> None:
 
 def test_a_device_that_fails_is_left_without_force_until_configured_again(bench: Bench) -> None:
     bench.driven()
-    device = bench.node.device
-    assert isinstance(device, Witness)
+    device = bench.device
     device.unplugged = True
     bench.warned("no sample")
     device.unplugged = False
@@ -559,9 +559,7 @@ def test_a_device_that_fails_is_left_without_force_until_configured_again(bench:
     bench.until(lambda: bench.node.state == "unconfigured")
     assert device.written[-1] == STOP
     written = len(device.written)
-    for _ in range(20):
-        bench.command((0.1, 0.0, 0.2), 0.3)
-        bench.turn()
+    bench.drive(20)
     assert len(device.written) == written
     assert bench.change_state("configure")
     assert bench.change_state("activate")
@@ -570,8 +568,7 @@ def test_a_device_that_fails_is_left_without_force_until_configured_again(bench:
 
 def test_a_position_that_is_no_number_is_told(bench: Bench) -> None:
     bench.driven()
-    device = bench.node.device
-    assert isinstance(device, Witness)
+    device = bench.device
     assert "position" not in bench.node.diagnostics()[0]
     device.lost = True
     bench.warned("position is not finite")
@@ -599,8 +596,7 @@ def test_a_stall_loses_no_sample_and_each_has_its_own_stamp(bench: Bench) -> Non
 
 def test_a_force_is_applied_at_the_tick_after_that_of_its_sample(bench: Bench) -> None:
     bench.driven()
-    device = bench.node.device
-    assert isinstance(device, Witness)
+    device = bench.device
     force = along_actuator(0.77)
 
     def in_time() -> bool:
@@ -610,8 +606,9 @@ def test_a_force_is_applied_at_the_tick_after_that_of_its_sample(bench: Bench) -
         cause = round(time.monotonic() / PERIOD * 1e9) + 50
         bench.send_actuator(system_time(bench.node.rate_keeper.time(cause)), 0.77)
         due = (cause + 1) * PERIOD / 1e9
+        late = due + 1.0
         bench.until(
-            lambda: bench.wrote("actuator_force", force, before) or time.monotonic() > due + 1.0
+            lambda: bench.wrote("actuator_force", force, before) or time.monotonic() > late
         )
         if bench.node.diagnostics()[1]["actuator force past their tick"] != past:
             return False

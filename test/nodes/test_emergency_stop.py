@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -100,12 +101,8 @@ class Device(StoppedNode):
         super().__init__()
         self.done: list[str] = []
         node: Any = self
-        self.stop = DeviceStop(
-            node,
-            MASTER_STOPPED,
-            lambda: self.done.append("taken off"),
-            lambda: self.done.append("released"),
-        )
+        acts = (partial(self.done.append, word) for word in ("taken off", "released"))
+        self.stop = DeviceStop(node, MASTER_STOPPED, *acts)
 
 
 def _taken(waiting: list[bool]) -> list[bool]:
@@ -128,10 +125,10 @@ def test_a_stop_is_released_once_all_devices_are_and_not_if_one_refuses(refusing
     assert coupler.stop.stopped == refusing
 
 
-@pytest.mark.parametrize(
-    ("before", "requests"),
-    [("", [False, True]), ("", [True, False]), ("stop", [False]), ("followed", [False, True])],
-)
+BESIDE = [("", [False, True]), ("", [True, False]), ("stop", [False]), ("followed", [False, True])]
+
+
+@pytest.mark.parametrize(("before", "requests"), BESIDE)
 def test_a_release_beside_a_stop_does_not_undo_it(before: str, requests: list[bool]) -> None:
     coupler = Coupler()
     if before:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import signal
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
@@ -49,14 +49,13 @@ from haptic_accel.nodes.graph_node import Endpoint, GraphNode, rivals
 from haptic_accel.nodes.supervised_node import message_type, quality
 from haptic_accel.setup.files import surface_parameters
 from observing import Observer
-from running import PATIENCE, Command, nodes_of, wait_until
+from running import PATIENCE, Command, Start, nodes_of, wait_until
 from sharing import own_domain
 
 numbers = st.floats(allow_nan=False)
 frames = st.text(st.characters(codec="ascii", exclude_characters="\0"))
-one_of_each_type = st.sampled_from(
-    list({topic.type: topic for topic in (*SIGNALS, MASTER_WORK)}.values())
-)
+of_each_type = {topic.type: topic for topic in (*SIGNALS, MASTER_WORK)}
+one_of_each_type = st.sampled_from(list(of_each_type.values()))
 
 
 @given(
@@ -198,7 +197,7 @@ def test_what_is_dumped_can_be_loaded(slave: Node, tmp_path: Path) -> None:
 
 
 @pytest.mark.quiet
-def test_only_this_machines_clock_is_taken(slave: Node, start: Callable[..., Command]) -> None:
+def test_only_this_machines_clock_is_taken(slave: Node, start: Start) -> None:
     reason = "use_sim_time = True: must be false: simulated time is not supported"
     assert slave.set("use_sim_time", False) == ""
     assert slave.set("use_sim_time", True).startswith(reason)
@@ -216,10 +215,8 @@ def test_what_asks_for_no_parameter_gets_nothing_and_what_sets_none_the_reason(
 ) -> None:
     before = slave.values()
     for names in (["no_such"], ["rate", ""], ["\x1b[2J\n", "x" * 60_000]):
-        for kind, field in (
-            (srv.GetParameterTypes, "types"),
-            (srv.DescribeParameters, "descriptors"),
-        ):
+        asked = {srv.GetParameterTypes: "types", srv.DescribeParameters: "descriptors"}
+        for kind, field in asked.items():
             assert len(getattr(slave.ask(kind, names=names), field)) == 0
         found = map(parameter_value_to_python, slave.ask(srv.GetParameters, names=names).values)
         assert list(found) == [before.get(name) for name in names]
@@ -355,7 +352,7 @@ def test_no_timer_waits_for_a_clock_that_was_set_back(listener: Listener) -> Non
 
 
 def test_messages_that_are_malformed_are_refused_and_counted_and_the_graph_goes_on(
-    haptic_accel: Callable[..., Command], observer: Observer, domain: int, tmp_path: Path
+    haptic_accel: Start, observer: Observer, domain: int, tmp_path: Path
 ) -> None:
     # A process takes no messages of signals that its own nodes send.
     graph = haptic_accel("teleop", "rate:=250", "bag:=bag", "composed:=false")

@@ -66,14 +66,18 @@ class Asking:
 
 
 class Followed:
-    """Parameters of a node, with what happened to them."""
+    """Parameters of a node, with what happened to them; asked once if it is told its values."""
 
-    def __init__(self, name: str = "compensator") -> None:
+    def __init__(self, name: str = "compensator", **values: ParameterValue) -> None:
         self.node = Asking()
         self.changes = 0
         self.refused: list[str] = []
         node: Any = self.node
         self.remote = RemoteParameters(node, name, NEEDED[name], self._count, self.refused.append)
+        if values:  # and no others
+            unset = ParameterValue(type=ParameterType.PARAMETER_NOT_SET)
+            self.client.answer = [values.get(each, unset) for each in NEEDED[name]]
+            self.remote.refresh()
 
     def _count(self) -> None:
         self.changes += 1
@@ -89,12 +93,6 @@ class Followed:
 
 def text(value: str) -> ParameterValue:
     return ParameterValue(type=TEXT, string_value=value)
-
-
-def answer_of(followed: Followed, **values: ParameterValue) -> None:
-    """Let the node itself have values, and no others."""
-    unset = ParameterValue(type=ParameterType.PARAMETER_NOT_SET)
-    followed.client.answer = [values.get(name, unset) for name in NEEDED["compensator"]]
 
 
 @pytest.mark.parametrize("value", HOSTILE.values(), ids=HOSTILE)
@@ -120,9 +118,7 @@ def test_a_refused_value_leaves_the_one_that_is_known() -> None:
 
 
 def test_the_node_itself_is_asked_after_an_event_in_its_name() -> None:
-    followed = Followed()
-    answer_of(followed, controller=text("dynamic"))
-    followed.remote.refresh()
+    followed = Followed(controller=text("dynamic"))
     assert followed.remote.values["controller"] == "dynamic"
     followed.receive(controller=text("none"))
     assert followed.remote.values["controller"] == "none"
@@ -133,17 +129,13 @@ def test_the_node_itself_is_asked_after_an_event_in_its_name() -> None:
 
 
 def test_a_node_of_another_version_has_values_that_are_unknown_here() -> None:
-    followed = Followed()
-    answer_of(followed, controller=text("of tomorrow"))
-    followed.remote.refresh()
+    followed = Followed(controller=text("of tomorrow"))
     assert followed.remote.values["controller"] is None
     assert len(followed.refused) == 1
 
 
 def test_a_node_that_is_gone_is_forgotten_and_asked_when_it_is_back() -> None:
-    followed = Followed()
-    answer_of(followed, controller=text("dynamic"))
-    followed.remote.refresh()
+    followed = Followed(controller=text("dynamic"))
     followed.client.ready = False
     followed.receive(controller=text("none"))
     followed.remote.refresh()
@@ -180,15 +172,8 @@ odd_names = st.one_of(names, words, st.sampled_from(list(node_schema("compensato
 events = st.tuples(st.just("event"), nodes, st.lists(st.tuples(odd_names, values), max_size=4))
 answers = st.tuples(st.just("answer"), nodes, st.lists(values, max_size=4))
 presence = st.tuples(st.just("presence"), nodes, st.booleans())
-keys = st.sampled_from(
-    [
-        "engaged",
-        "one-way delay (ms)",
-        "actuator force due",
-        "actuator force deadlines missed",
-        "actuator force age p50 (us)",
-    ]
-)
+FORCE = [f"actuator force {count}" for count in ("due", "deadlines missed", "age p50 (us)")]
+keys = st.sampled_from(["engaged", "one-way delay (ms)", *FORCE])
 reports = st.tuples(
     st.just("report"),
     st.sampled_from([*EXPECTED, "scope"]) | words,
@@ -218,14 +203,9 @@ def test_after_any_messages_there_is_a_state_that_a_page_can_read(
             followed[who].client.ready = what
         for each in followed.values():
             each.remote.refresh()
-        state = state_of(
-            heard,
-            EXPECTED,
-            {name: each.remote.values for name, each in followed.items()},
-            GraphSettings(),
-            led=False,
-            stop={"asked": False, "master": None},
-        )
+        known = {name: each.remote.values for name, each in followed.items()}
+        stop = {"asked": False, "master": None}
+        state = state_of(heard, EXPECTED, known, GraphSettings(), led=False, stop=stop)
         sent = as_json(state)
         assert json.loads(sent, parse_constant=pytest.fail) == json.loads(json.dumps(state))
         assert len(sent) < 100_000

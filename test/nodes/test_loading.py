@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -22,7 +21,7 @@ from haptic_accel.graph.stop_signal import PENDING
 from haptic_accel.nodes.supervised_node import message_type
 from nightly import rest_slow
 from observing import Observer
-from running import Command
+from running import Start
 
 BEFORE = NANOSECONDS // 50
 """Time before the line "engaged" that counts as running, ns: that line is looked at, too. It is
@@ -43,7 +42,7 @@ def test_a_running_graph_loads_nothing(
     composed: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    haptic_accel: Callable[..., Command],
+    haptic_accel: Start,
     observer: Observer,
 ) -> None:
     folder = tmp_path / "loading"
@@ -54,9 +53,8 @@ def test_a_running_graph_loads_nothing(
     engaged = teleop.wait_for("engaged")
     for controller in ("feedback", "adaptive"):
         choice = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=controller)
-        change = SetParametersAtomically.Request(
-            parameters=[Parameter(name="controller", value=choice)]
-        )
+        changed = Parameter(name="controller", value=choice)
+        change = SetParametersAtomically.Request(parameters=[changed])
         service = "compensator/set_parameters_atomically"
         assert observer.call(SetParametersAtomically, service, change).result.successful
         observer.status("compensator", controller=controller)

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -24,10 +23,9 @@ from haptic_accel.core.topics import DEVICES, TOPICS
 from haptic_accel.setup.files import parameter_text
 from observing import Observer
 from reading import deserialised, with_mcap, with_rosbags
-from running import Command, limit_size, nodes_of, wait_until
+from running import Command, Start, limit_size, nodes_of, wait_until
 from verbs import next_command
 
-Start = Callable[..., Command]
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 TEXT_TYPE = 4
 """rcl_interfaces/msg/ParameterType."""
@@ -52,15 +50,8 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
         publisher.publish(String(data=name))
     options = {"regex": "^/found", "exclude_regex": "hidden", "start_paused": True}
     (tmp_path / "recorder.yaml").write_text(parameter_text({"recorder": options}))
-    graph = haptic_accel(
-        "teleop",
-        "rate:=250",
-        "rig:=ideal",
-        "surface:=vinyl",
-        "bag:=bag",
-        "topics:=named",
-        "params_file:=recorder.yaml",
-    )
+    words = ("rate:=250", "rig:=ideal", "surface:=vinyl", "bag:=bag", "topics:=named")
+    graph = haptic_accel("teleop", *words, "params_file:=recorder.yaml")
     graph.wait_for("engaged")
     graph.wait_for("/named: recorded too")
     graph.wait_for("/found/wanted: recorded too")
@@ -105,13 +96,11 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
     expected = topics | events | {"/parameter_events", "/rosout", "/named", "/found/wanted"}
     assert set(counts(metadata)) == expected
     assert counts(metadata)["/slave_device/transition_event"] == 4
-    assert "recorder" in {
-        log.name for log in deserialised(tmp_path / "bag", ["/rosout"])["/rosout"]
-    }
+    logged = deserialised(tmp_path / "bag", ["/rosout"])["/rosout"]
+    assert "recorder" in {log.name for log in logged}
     (named,) = (topic for topic in metadata.topics if topic.name == "/named")
-    assert [qos.durability for qos in named.offered_qos_profiles] == [
-        QosDurability.TRANSIENT_LOCAL
-    ]
+    durable = [qos.durability for qos in named.offered_qos_profiles]
+    assert durable == [QosDurability.TRANSIENT_LOCAL]
     for topic in metadata.topics:
         assert {qos.reliability for qos in topic.offered_qos_profiles} == {QosReliability.RELIABLE}
     bag = read_bag(tmp_path / "bag")
@@ -121,9 +110,8 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
     changes = [(one.node, one.parameter, one.value) for one in bag.changes]
     assert ("compensator", "controller", "none") in changes
     later = read_bag(tmp_path / "bag-2").changes  # it begins with the values of that moment
-    values = [
-        one.value for one in later if (one.node, one.parameter) == ("compensator", "controller")
-    ]
+    named = ("compensator", "controller")
+    values = [one.value for one in later if (one.node, one.parameter) == named]
     assert values == ["none"]
     assert len(with_rosbags(tmp_path / "bag")) == len(with_mcap(tmp_path / "bag"))
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 import re
 import signal
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +19,7 @@ from bag_maker import NANOSECONDS, BagContent, write_bag
 from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.core import topics
 from haptic_accel.nodes.restamper import LEAD, LISTENING, PACE_TIME, PaceError, StampShift
-from running import BAG_PLAYER, Command
-
-Start = Callable[..., Command]
+from running import BAG_PLAYER, Start
 
 RATE = 200.0
 """Rate of what is played, Hz: a busy machine then rarely misses a sample."""
@@ -135,11 +132,8 @@ def check_what_was_recorded(recorded: Bag, bag: Path, slave: str) -> None:
     desired = recorded.signals[topics.DESIRED_ACCELERATION.name]
     force = recorded.signals[topics.ACTUATOR_FORCE.name]
     caused = dict(zip(desired.stamps.tolist(), desired.values[:, 2], strict=True))
-    pairs = [
-        (caused[stamp], value)
-        for stamp, value in zip(force.stamps.tolist(), force.values[:, 2], strict=True)
-        if stamp in caused
-    ]
+    both = zip(force.stamps.tolist(), force.values[:, 2], strict=True)
+    pairs = [(caused[stamp], value) for stamp, value in both if stamp in caused]
     # Table I: the constant gain is the 0.128 kg of handle and hand.
     assert all(value == pytest.approx(0.128 * cause, abs=1e-12) for cause, value in pairs)
     # Moved stamps keep the bag's spacing exactly.

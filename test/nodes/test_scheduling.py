@@ -8,13 +8,12 @@ from __future__ import annotations
 import math
 import os
 import select
-from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
 
 from haptic_accel.nodes.scheduling import STOP_PERIOD, StopPoll
-from running import PATIENCE, Command
+from running import PATIENCE, Start
 
 pytestmark = pytest.mark.quiet
 
@@ -40,7 +39,7 @@ run_nodes("behind", Behind)
 
 
 def test_a_node_that_is_always_behind_is_not_ended_as_one_that_hangs(
-    start: Callable[..., Command],
+    start: Start,
 ) -> None:
     command = start("-c", ALWAYS_BEHIND)
     assert command.end() == 0, command.text
@@ -65,7 +64,7 @@ subprocess.run([sys.executable, *sys.orig_argv[1:]])
 """
 
 
-def test_a_node_that_hangs_does_not_outlive_its_supervisor(start: Callable[..., Command]) -> None:
+def test_a_node_that_hangs_does_not_outlive_its_supervisor(start: Start) -> None:
     command = start("-c", ORPHAN)
     node = os.pidfd_open(int(command.wait_for("hangs").split()[1]))
     command.process.kill()
@@ -92,7 +91,7 @@ run_nodes("parts", partial(Part, "one"), partial(Part, "two"))
 """
 
 
-def test_all_forces_are_off_before_a_node_is_closed(start: Callable[..., Command]) -> None:
+def test_all_forces_are_off_before_a_node_is_closed(start: Start) -> None:
     command = start("-c", PARTS)
     assert command.end() == 0, command.text
     assert command.lines == ["off", "off", "closed", "closed"]

@@ -10,7 +10,7 @@ import json
 import os
 import re
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,7 @@ from haptic_accel.core.process import REALTIME
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
 from haptic_accel.graph.stop_signal import PRIORITY
 from haptic_accel.scope.server import METRICS_PERIOD
-from running import Command, free_port, nodes_of, realtime_is_allowed, wait_until
+from running import Command, Start, free_port, nodes_of, realtime_is_allowed, wait_until
 from sharing import own_domain
 
 if TYPE_CHECKING:
@@ -199,10 +199,8 @@ def test_what_is_held_can_be_read_and_zoomed(shared: Shared) -> None:
     page.locator("#hold").focus()
     before = reading.inner_text()
     page.keyboard.press("ArrowLeft")
-    wait_until(
-        lambda: float(reading.inner_text().split()[0]) < float(before.split()[0]),
-        "an earlier reading",
-    )
+    seconds = float(before.split()[0])
+    wait_until(lambda: float(reading.inner_text().split()[0]) < seconds, "an earlier reading")
     page.mouse.dblclick(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     shared.wait("String(hapticScope.view()) === '-2,0'", "the whole window")
     page.locator("#hold").click()
@@ -256,9 +254,8 @@ def value(kind: int, **content: Any) -> ParameterValue:
     return ParameterValue(type=kind, **content)
 
 
-TEXT, NUMBER, BYTES = (
-    getattr(ParameterType, f"PARAMETER_{kind}") for kind in ("STRING", "DOUBLE", "BYTE_ARRAY")
-)
+KINDS = ("STRING", "DOUBLE", "BYTE_ARRAY")
+TEXT, NUMBER, BYTES = (getattr(ParameterType, f"PARAMETER_{kind}") for kind in KINDS)
 HOSTILE = [
     ("compensator", "controller", value(99)),
     ("compensator", "controller", value(BYTES, byte_array_value=[b"\xff", b"\0"])),
@@ -376,13 +373,10 @@ def test_everything_has_a_name_for_who_does_not_see_it(shared: Shared) -> None:
                        || e.closest('label')))
       .map((e) => e.outerHTML)"""
     assert shared.page.evaluate(nameless) == []
-    drawn = (
-        "[...document.querySelectorAll('canvas')].filter((e) => !e.closest('[role=img]')).length"
-    )
-    assert shared.page.evaluate(drawn) == 0
-    assert (
-        shared.page.locator("[aria-live]:not(.touching *)").count() == 1
-    )  # figures that change are not read out
+    hidden = "[...document.querySelectorAll('canvas')].every((e) => e.closest('[role=img]'))"
+    assert shared.page.evaluate(hidden)
+    # Figures that change are not read out.
+    assert shared.page.locator("[aria-live]:not(.touching *)").count() == 1
     # Every state is a word.
     states = shared.page.locator("#nodes .state").all_inner_texts()
     assert set(states) <= {"OK", "warning", "error", "silent", "absent"}
@@ -452,7 +446,7 @@ while True:
 
 @pytest.mark.slow
 def test_a_flood_of_signals_does_not_silence_the_scope(
-    start: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
+    start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv(REALTIME, raising=False)
     scope = start("-m", "haptic_accel.nodes.scope", "--ros-args", "-p", "port:=0")
@@ -463,9 +457,8 @@ def test_a_flood_of_signals_does_not_silence_the_scope(
         found: list[str] = []
         async with aiohttp.ClientSession() as session:
             headers = {"Origin": address.rstrip("/")}
-            async with session.ws_connect(
-                f"{address}live", headers=headers, max_msg_size=2**27
-            ) as live:
+            given = {"headers": headers, "max_msg_size": 2**27}
+            async with session.ws_connect(f"{address}live", **given) as live:
                 await live.send_json(["arm_force", "position"])
                 while found.count("OK") < 5 / METRICS_PERIOD:
                     message = await received(live)

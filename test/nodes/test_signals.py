@@ -10,13 +10,13 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
 import rclpy
-from rclpy.qos import QoSProfile
 from std_msgs.msg import UInt8MultiArray
 
 from haptic_accel.core.bundles import BUNDLE_PERIOD
@@ -36,9 +36,7 @@ from haptic_accel.nodes.timing import CATCH_UP
 from nightly import rest_slow
 from observing import Observer
 from reading import with_rosbags
-from running import Command, nodes_of, wait_until
-
-Start = Callable[..., Command]
+from running import Start, nodes_of, wait_until
 
 RATE = 250
 MARK = 12345.0
@@ -67,14 +65,9 @@ def recorded(bag: Path) -> Heard:
 def hearing(observer: Observer) -> Iterator[Heard]:
     """Subscribe to all signals, and keep what comes."""
     heard: Heard = {f"/{topic.name}": [] for topic in SIGNALS}
+    subscribe = partial(observer.node.create_subscription, qos_profile=10_000, raw=True)
     subscriptions = [
-        observer.node.create_subscription(
-            message_type(topic),
-            topic.name,
-            heard[f"/{topic.name}"].append,
-            QoSProfile(depth=10_000),
-            raw=True,
-        )
+        subscribe(message_type(topic), topic.name, heard[f"/{topic.name}"].append)
         for topic in SIGNALS
     ]
     over = threading.Event()
@@ -126,26 +119,17 @@ def saved(bag: list[bytes], heard: list[bytes]) -> list[bytes]:
     return heard[: len(heard) - len(missing)]
 
 
-@pytest.mark.parametrize(
-    ("composed", "killed"), rest_slow([("false", "slave_device"), ("true", "")])
-)
+@pytest.mark.parametrize("killed", rest_slow(["slave_device", ""]))
 def test_a_bag_has_what_a_subscriber_of_everything_gets_and_more_by_nobody(
-    haptic_accel: Start,
-    observer: Observer,
-    domain: int,
-    tmp_path: Path,
-    composed: str,
-    killed: str,
+    haptic_accel: Start, observer: Observer, domain: int, tmp_path: Path, killed: str
 ) -> None:
-    graph = haptic_accel(
-        "teleop", f"rate:={RATE}", "rig:=ideal", "bag:=bag", f"composed:={composed}"
-    )
+    composed = "false" if killed else "true"
+    words = f"rate:={RATE}", "rig:=ideal", "bag:=bag", f"composed:={composed}"
+    graph = haptic_accel("teleop", *words)
     graph.wait_for("engaged")
     unwanted = (DESIRED_ACCELERATION.name, SLAVE_VELOCITY.name)
-    wait_until(
-        lambda: not any(map(observer.node.count_subscribers, unwanted)),
-        "nobody subscribes to what only the recorder wants",
-    )
+    count = observer.node.count_subscribers
+    wait_until(lambda: not any(map(count, unwanted)), "only bundles for the recorder")
     names = {name for name, _ in observer.node.get_topic_names_and_types()}
     assert {f"/{topic.name.lstrip('/')}" for topic in TOPICS} <= names
     with hearing(observer) as heard:
@@ -161,9 +145,8 @@ def test_a_bag_has_what_a_subscriber_of_everything_gets_and_more_by_nobody(
         graph.wait_for(f"{BUNDLES.name}: malformed message refused: ")
         # Else this process would pass for one whose signals are all in its bundles.
         node.destroy_publisher(nonsense)
-        rival = node.create_publisher(
-            message_type(DESIRED_ACCELERATION), DESIRED_ACCELERATION.name, QoSProfile(depth=100)
-        )
+        desired = DESIRED_ACCELERATION
+        rival = node.create_publisher(message_type(desired), desired.name, 100)
         wait_until(lambda: rival.get_subscription_count() == 2, "the recorder and the test")
         sent = []
         for index in range(200):
@@ -172,10 +155,7 @@ def test_a_bag_has_what_a_subscriber_of_everything_gets_and_more_by_nobody(
             rival.publish(sent[-1])
             time.sleep(0.002)
         node.destroy_publisher(rival)
-        wait_until(
-            lambda: node.count_subscribers(DESIRED_ACCELERATION.name) == 1,
-            "the recorder needs bundles alone",
-        )
+        wait_until(lambda: count(desired.name) == 1, "the recorder needs bundles alone")
         if killed:
             os.kill(nodes_of(domain)[killed], signal.SIGKILL)
         assert graph.end(None if killed else signal.SIGINT) == bool(killed), graph.text
@@ -191,9 +171,8 @@ def test_a_bag_has_what_a_subscriber_of_everything_gets_and_more_by_nobody(
     others = set(sent)
     own = [data for data in both if data not in others]
     assert [data for data in both if data in others] == sent
-    assert_holds(
-        own, [data for data in heard[f"/{DESIRED_ACCELERATION.name}"] if data not in others], "own"
-    )
+    found = heard[f"/{DESIRED_ACCELERATION.name}"]
+    assert_holds(own, [data for data in found if data not in others], "own")
     assert_complete([bag[f"/{topic.name}"] for topic in SLAVE_SIGNALS])
 
 
@@ -206,9 +185,8 @@ def test_who_subscribes_to_a_signal_and_its_bundles_is_one_listener(observer: Ob
         assert sender.listeners == 0
         other = observer.node
         for number, topic in enumerate((BUNDLES, SLAVE_VELOCITY)):
-            other.create_subscription(
-                message_type(topic), topic.name, lambda _: None, quality(topic)
-            )
+            kind, keeping = message_type(topic), quality(topic)
+            other.create_subscription(kind, topic.name, lambda _: None, keeping)
             found = SLAVE_VELOCITY.name, BUNDLES.name
             wait_until(
                 lambda number=number, found=found: (

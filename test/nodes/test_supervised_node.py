@@ -29,7 +29,7 @@ from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.supervised_node import Wire, Wires
 from nightly import rest_slow
 from observing import Observer
-from running import PATIENCE, wait_until
+from running import PATIENCE, python, wait_until
 
 WRONG = "wrong\nin two lines"
 
@@ -209,9 +209,8 @@ run_process("node", act)
 """
 
 COLOUR = rb"(\x1b\[0m)?"
-WHOLE = re.compile(
-    COLOUR + rb"(\[INFO\] \[\S+\] \[node\]: )?(unread|read) \d+ (x{80}|y{80})" + COLOUR
-)
+LINE = rb"(\[INFO\] \[\S+\] \[node\]: )?(unread|read) \d+ (x{80}|y{80})"
+WHOLE = re.compile(COLOUR + LINE + COLOUR)
 
 
 class Node:
@@ -255,6 +254,12 @@ class Node:
 
     def end(self) -> int:
         return self.process.wait(PATIENCE)
+
+    def ends_in_order(self) -> None:
+        """Check that it goes on, and ends once it has logged what is read."""
+        assert self.goes_on()
+        self.ask()
+        assert self.end() == 0
 
     def close(self) -> None:
         self.process.kill()
@@ -331,9 +336,7 @@ def test_a_full_disk_holds_no_process_up(node: Callable[..., Node]) -> None:
     full = os.open("/dev/full", os.O_WRONLY)
     logging = node(full)
     os.close(full)
-    assert logging.goes_on()
-    logging.ask()
-    assert logging.end() == 0
+    logging.ends_in_order()
 
 
 def test_closed_streams_hold_no_process_up(node: Callable[..., Node]) -> None:
@@ -350,9 +353,7 @@ def test_a_file_has_every_line(node: Callable[..., Node], tmp_path: Path) -> Non
         file.write("before\n")
         file.flush()
         logging = node(file.fileno())
-    assert logging.goes_on()
-    logging.ask()
-    assert logging.end() == 0
+    logging.ends_in_order()
     lines = (tmp_path / "log").read_bytes().splitlines()
     assert lines[0] == b"before"
     assert len(lines) == 1 + 2 * 1510
@@ -383,18 +384,9 @@ print(speak())
 
 def test_a_line_names_who_logs_it_without_a_look_at_files(tmp_path: Path) -> None:
     (tmp_path / "program.py").write_text(SCRIPT)
-    names = "{name} {severity} {function_name} {line_number} {message}"
-    done = subprocess.run(
-        [sys.executable, "program.py"],
-        cwd=tmp_path,
-        env=os.environ | {"RCUTILS_CONSOLE_OUTPUT_FORMAT": names},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.stderr.splitlines() == [
-        "arm INFO speak 8 cold",
-        "arm WARN speak 8 hot",
-        r"arm WARN speak 8 too\x1b hot\n",
-    ]
+    form = "{name} {severity} {function_name} {line_number} {message}"
+    environment = os.environ | {"RCUTILS_CONSOLE_OUTPUT_FORMAT": form}
+    done = python("program.py", cwd=tmp_path, env=environment)
+    hot = ["arm WARN speak 8 hot", r"arm WARN speak 8 too\x1b hot\n"]
+    assert done.stderr.splitlines() == ["arm INFO speak 8 cold", *hot]
     assert done.stdout.split() == ["(True,", "True,", "True,", "False)"]

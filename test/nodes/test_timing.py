@@ -9,6 +9,7 @@ import math
 import os
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,12 +25,12 @@ PERIOD = NANOSECONDS // 1000
 
 
 class FakeClock:
-    """Steady time that a test sets."""
+    """Steady time that a test sets, ns or s."""
 
-    def __init__(self) -> None:
-        self.now = 17 * PERIOD
+    def __init__(self, now: Any = 17 * PERIOD) -> None:
+        self.now = now
 
-    def __call__(self) -> int:
+    def __call__(self) -> Any:
         return self.now
 
 
@@ -65,6 +66,8 @@ def test_forces_of_a_process_that_stood_still_are_late_though_none_comes_after_i
     assert forces.late_time == pytest.approx(0.1)
 
 
+Served = dict[float, list[int]]
+
 SERVED = round(CATCH_UP * 1000)
 """Most grid points of a stall that are served."""
 
@@ -82,12 +85,7 @@ SERVED = round(CATCH_UP * 1000)
     ],
 )
 def test_grid_points_are_due_once_in_their_order(
-    clock: FakeClock,
-    lead: float,
-    frame: int,
-    moments: dict[float, list[int]],
-    late: int,
-    missed: int,
+    clock: FakeClock, lead: float, frame: int, moments: Served, late: int, missed: int
 ) -> None:
     keeper = RateKeeper(1000, clock, lead=lead, frame=frame)
     for moment, served in moments.items():
@@ -162,11 +160,11 @@ def test_threads_that_a_library_made_real_time_stay_so(monkeypatch: pytest.Monke
     priorities = {1: 0, 2: 60, 3: 5, 4: timing.FORCE_PRIORITY}
     monkeypatch.setattr(os, "listdir", lambda _: map(str, priorities))
     monkeypatch.setattr(os, "sched_getparam", lambda each: os.sched_param(priorities[each]))
-    monkeypatch.setattr(
-        os,
-        "sched_setscheduler",
-        lambda each, _, param: priorities.__setitem__(each, param.sched_priority),
-    )
+
+    def schedule(thread: int, _: int, param: os.sched_param) -> None:
+        priorities[thread] = param.sched_priority
+
+    monkeypatch.setattr(os, "sched_setscheduler", schedule)
     timing.schedule(os.SCHED_FIFO, timing.COIL_PRIORITY)
     assert priorities == {1: timing.COIL_PRIORITY, 2: 60, 3: 5, 4: timing.COIL_PRIORITY}
 
@@ -177,19 +175,9 @@ def test_system_and_steady_time_go_on_together() -> None:
     assert system_time(0) == pytest.approx(before, abs=1_000_000)
 
 
-class SlowClock:
-    """Steady time in s that a test sets."""
-
-    def __init__(self) -> None:
-        self.now = 10.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
 def looks(arrival: Callable[[int], float], ticks: int = 3000) -> list[int]:
     """Return the number of looks in each period of 1 ms, of messages that arrive at an offset."""
-    clock = SlowClock()
+    clock = FakeClock(10.0)
     keeper = ArrivalKeeper(1000.0, clock)
     counts = [0] * ticks
     come = [10.0 + tick * 1e-3 + arrival(tick) for tick in range(ticks)]
@@ -211,7 +199,7 @@ def test_looks_settle_just_behind_the_arrival_of_a_ticks_messages(later: float) 
 
 
 def test_without_messages_there_is_one_look_a_period() -> None:
-    clock = SlowClock()
+    clock = FakeClock(10.0)
     keeper = ArrivalKeeper(1000.0, clock)
     for _ in range(100):
         clock.now = keeper.polled(found=False)
