@@ -23,7 +23,7 @@ from haptic_accel.analysis.writing import write_page
 from haptic_accel.core import topics
 from haptic_accel.core.trial import Trial
 from nightly import rest_slow
-from verbs import refusal, status_of
+from verbs import output_of, refusal, status_of
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -77,9 +77,7 @@ def test_everything_is_written(report: Path) -> None:
     for name in figures:
         with Image.open(report / f"{name}.png") as picture:
             inches = picture.width / 300
-            assert inches == pytest.approx(7.16, abs=0.02) or inches == pytest.approx(
-                3.5, abs=0.02
-            )
+            assert inches in (pytest.approx(7.16, abs=0.02), pytest.approx(3.5, abs=0.02))
         content = (report / f"{name}.pdf").read_bytes()
         assert content.startswith(b"%PDF")
         assert b"/Type3" not in content  # which publishers refuse
@@ -107,10 +105,8 @@ def test_bags_side_by_side_give_the_same_and_each_is_told_as_it_ends(
 ) -> None:
     found = {}
     for jobs in ("1", "3"):
-        text = ran(
-            *("analyze", bags / "seed0", "--jobs", jobs, "--shift", "measured"),
-            *("--json", f"{jobs}.json", "--out", jobs),
-        )
+        words = ("--jobs", jobs, "--shift", "measured", "--json", f"{jobs}.json", "--out", jobs)
+        text = ran("analyze", bags / "seed0", *words)
         assert "3 of 3: plywood_none: none on plywood 100.0 % (limited bound " in text
         found[jobs] = json.loads((tmp_path / f"{jobs}.json").read_text())
     assert found["1"] == found["3"]
@@ -149,17 +145,14 @@ def test_a_bag_with_markup_in_its_name_is_only_a_name(tmp_path: Path) -> None:
     assert "<script>alert" not in page
 
 
-def test_of_bags_of_which_nothing_can_be_said_the_status_is_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_of_bags_of_which_nothing_can_be_said_the_status_is_one(tmp_path: Path) -> None:
     foreign = BagContent({topics.SLAVE_POSITION.name: np.ones(2000)}, RATE, arms=False)
     write_bag(tmp_path / "bags" / "foreign", foreign)
     (tmp_path / "bags" / "empty").mkdir()
     (tmp_path / "bags" / "empty" / "metadata.yaml").write_text("")
     json_file = tmp_path / "figures.json"
     words = ("--out", tmp_path / "out", "--json", json_file)
-    assert status_of("analyze", tmp_path / "bags", *words) == 1
-    printed = capsys.readouterr().out
+    printed = output_of("analyze", tmp_path / "bags", *words, status=1)
     assert "Nothing could be determined from 2 bags." in printed
     assert "foreign: none of the signals of this graph" in printed
     page = (tmp_path / "out" / "index.html").read_text()
@@ -200,9 +193,8 @@ def test_the_page_draws_and_answers(report: Path, browser: Browser, scheme: str)
 
     before = page.evaluate("document.querySelector('#time canvas').toDataURL()")
     page.get_by_role("button", name="next trial").click()
-    page.wait_for_function(
-        "drawn => document.querySelector('#time canvas').toDataURL() != drawn", arg=before
-    )
+    moved = "drawn => document.querySelector('#time canvas').toDataURL() != drawn"
+    page.wait_for_function(moved, arg=before)
     assert page.locator("tr.chosen").count() == 1
     page.get_by_role("button", name="whole trial").press("Enter")
     page.get_by_role("button", name="other controllers too").click()
@@ -211,17 +203,14 @@ def test_the_page_draws_and_answers(report: Path, browser: Browser, scheme: str)
     heading = page.locator("#all th", has_text="NRMSE")
     heading.get_by_role("button").click()
     assert heading.get_attribute("aria-sort") == "ascending"
-    shown = page.locator("#all tbody tr td:nth-child(4)").evaluate_all(
-        "cells => cells.map(cell => Number(cell.dataset.sort))"
-    )
+    cells = page.locator("#all tbody tr td:nth-child(4)")
+    shown = cells.evaluate_all("cells => cells.map(cell => Number(cell.dataset.sort))")
     assert shown == sorted(shown)
 
     toggle = page.locator("#time .u-legend th[role=button]").first
     toggle.press("Enter")
-    page.wait_for_function(
-        "document.querySelector('#time .u-legend th[role=button]')"
-        ".getAttribute('aria-pressed') == 'false'"
-    )
+    first = "document.querySelector('#time .u-legend th[role=button]')"
+    page.wait_for_function(f"{first}.getAttribute('aria-pressed') == 'false'")
     page.emulate_media(media="print", color_scheme=scheme)
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from statistics import fmean
 
@@ -13,9 +12,8 @@ import pytest
 
 from haptic_accel.analysis.latency import latest_text, merged
 from haptic_accel.core.topics import SIGNALS
-from running import Command, nodes_of
+from running import Start, nodes_of
 
-Start = Callable[..., Command]
 LABELS = {"p50", "p90", "p99", "p99_9", "max"}
 
 
@@ -23,9 +21,8 @@ LABELS = {"p50", "p90", "p99", "p99_9", "max"}
 def test_latency_gives_well_formed_figures_of_graph_and_empty_loop(
     haptic_accel: Start, tmp_path: Path, domain: int
 ) -> None:
-    command = haptic_accel(
-        *("bench", "latency", "--rate", "200", "--seconds", "4", "--json", "figures.json")
-    )
+    words = ("--rate", "200", "--seconds", "4", "--json", "figures.json")
+    command = haptic_accel("bench", "latency", *words)
     assert command.end() == 0, command.text
     figures = json.loads((tmp_path / "figures.json").read_text())
     assert (figures["rate_hz"], figures["seconds"], figures["pairs"]) == (200.0, 4.0, 1)
@@ -64,10 +61,10 @@ def test_rates_are_compared_and_drawn(haptic_accel: Start, tmp_path: Path) -> No
     assert "a process for each node; composed:=true" in command.text
 
 
-@pytest.mark.parametrize(
-    ("longest", "joined"),
-    [((300.0, 5e3), 5e3), ((math.nan, 5e3), math.nan), ((5e3, math.nan), math.nan)],
-)
+LONGEST = [((300.0, 5e3), 5e3), ((math.nan, 5e3), math.nan), ((5e3, math.nan), math.nan)]
+
+
+@pytest.mark.parametrize(("longest", "joined"), LONGEST)
 def test_of_several_runs_counts_are_added_and_the_longest_lateness_stays_if_all_are_known(
     longest: tuple[float, float], joined: float
 ) -> None:
@@ -78,9 +75,8 @@ def test_of_several_runs_counts_are_added_and_the_longest_lateness_stays_if_all_
     longest_us = pytest.approx(joined, nan_ok=True)
     expected = {"due": 30, "missed": 5, "past_tick": 2, "longest_us": longest_us}
     assert found == {**expected, "late_s": pytest.approx(0.0103)}
-    assert latest_text(found["longest_us"]) == (
-        "" if math.isnan(joined) else ", the latest by 5.0 ms"
-    )
+    told = "" if math.isnan(joined) else ", the latest by 5.0 ms"
+    assert latest_text(found["longest_us"]) == told
 
 
 @pytest.mark.quiet

@@ -21,9 +21,8 @@ from haptic_accel.core import topics
 from haptic_accel.setup.arguments import SCENE
 from haptic_accel.setup.files import surface_parameters
 from observing import Observer
-from running import Command, wait_until
+from running import Command, Start, wait_until
 
-Start = Callable[..., Command]
 Ask = Callable[..., tuple[int, str]]
 
 RATE = 1000.0
@@ -61,10 +60,8 @@ def change_rig(graph: Command, observer: Observer, ask: Ask) -> None:
         return parameter_value_to_python(found)
 
     def reason_of(node: str, **values: Any) -> str:
-        parameters = [
-            Parameter(f"simulated.{key.replace('__', '.')}", value=given).to_parameter_msg()
-            for key, given in values.items()
-        ]
+        named = {f"simulated.{key.replace('__', '.')}": given for key, given in values.items()}
+        parameters = [Parameter(key, value=named[key]).to_parameter_msg() for key in named]
         request = SetParametersAtomically.Request(parameters=parameters)
         service = f"{node}/set_parameters_atomically"
         return str(observer.call(SetParametersAtomically, service, request).result.reason)
@@ -103,9 +100,8 @@ def change_rig(graph: Command, observer: Observer, ask: Ask) -> None:
     assert "simulated.tool.mass" in reason_of("slave_device", tool__mass=1.0)
     assert value("slave_device", "simulated.surface.friction") == 0.7
     assert value("master_device", "simulated.grip.variation") != 0.1
-    for messages in observer.collect(
-        (topics.TOOL_ACCELERATION, topics.HANDLE_ACCELERATION), 200
-    ).values():
+    both = (topics.TOOL_ACCELERATION, topics.HANDLE_ACCELERATION)
+    for messages in observer.collect(both, 200).values():
         felt = np.array([message.accel.linear.z for message in messages])
         assert np.all(np.isfinite(felt))
         assert np.any(felt)

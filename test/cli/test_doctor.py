@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,9 +11,7 @@ import rclpy
 
 from haptic_accel.core.topics import ACTUATOR_FORCE, TOOL_ACCELERATION
 from haptic_accel.nodes.supervised_node import message_type, quality
-from running import Command
-
-Start = Callable[..., Command]
+from running import Start
 
 
 @pytest.mark.quiet
@@ -30,9 +27,8 @@ def test_doctor_reports_another_graph(haptic_accel: Start, tmp_path: Path, domai
     rclpy.shutdown(context=context)
     figures = json.loads((tmp_path / "found.json").read_text())
     findings = {finding["name"]: finding for finding in figures["findings"]}
-    assert all(
-        set(each) == {"name", "level", "found", "meaning", "fix"} for each in findings.values()
-    )
+    keys = {"name", "level", "found", "meaning", "fix"}
+    assert all(set(each) == keys for each in findings.values())
     assert all(name in command.text for name in findings)
     assert findings["other graph"]["level"] == "problem"
     assert TOOL_ACCELERATION.name in findings["other graph"]["found"]

@@ -10,6 +10,7 @@ import signal
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from std_msgs.msg import Bool
@@ -20,15 +21,25 @@ from haptic_accel.core import topics
 from haptic_accel.graph.stop_signal import PendingStop
 from haptic_accel.nodes.supervised_node import quality
 from observing import Observer
-from running import BAG_PLAYER, Command, wait_until
+from running import BAG_PLAYER, Command, Start, wait_until
 
-Start = Callable[..., Command]
 Ask = Callable[..., tuple[int, str]]
 
 STOPPED = (topics.COUPLER_STOPPED, topics.MASTER_STOPPED, topics.SLAVE_STOPPED)
 
 APPLIED = ("arm force count", "actuator force count")
 """Counts of the forces that the master device applied."""
+
+
+def all_are(observer: Observer, stopped: bool) -> None:
+    """Wait until devices and coupler tell that they are stopped, or are not."""
+    for topic in STOPPED:
+        observer.wait_for_state(topic, stopped)
+
+
+def stop_publisher(observer: Observer) -> Any:
+    topic = topics.EMERGENCY_STOP
+    return observer.node.create_publisher(Bool, topic.name, quality(topic, depth=1))
 
 
 def applied(observer: Observer) -> list[int]:
@@ -50,8 +61,7 @@ def stop_from_a_terminal(
     stop = haptic_accel("estop")
     assert stop.end() == 0, stop.text
     assert stop.lines[-1].startswith("emergency stop: both devices are without force (1 process ")
-    for topic in STOPPED:
-        observer.wait_for_state(topic, True)
+    all_are(observer, True)
     graph.wait_for("uncoupled: emergency stop", after=seen)
     before = applied(observer)
     # The compensator goes on: what it sends meanwhile is refused.
@@ -65,8 +75,7 @@ def stop_from_a_terminal(
     said = "emergency stop released: slave_device and master_device take forces again"
     assert ask("estop", "release:=true") == (0, said)
     graph.wait_for("engaged", after=seen)
-    for topic in STOPPED:
-        observer.wait_for_state(topic, False)
+    all_are(observer, False)
     # Forces flow again.
     more = {name: count + 100 for name, count in zip(APPLIED, before, strict=True)}
     observer.status("master_device", least=more)
@@ -129,17 +138,14 @@ def test_a_stop_holds_from_the_start_of_a_graph_and_while_it_runs_until_it_is_re
     graph.wait_for(r"\[master_device\]: emergency stop: no force until it is released")
     if stop.end():  # on a busy machine the graph may come later than the command waits for it
         assert "; the stop is pending: no graph of ROS domain" in stop.lines[-1]
-    for topic in STOPPED:
-        observer.wait_for_state(topic, True)
+    all_are(observer, True)
     assert not any(line.endswith("engaged") for line in graph.lines), graph.text
     status, said = ask("estop", "release:=true")
     assert (status, "take forces again" in said) == (0, True), said
     graph.wait_for("engaged")  # beside the stop that is pending for another namespace
     assert not PendingStop(domain, "").is_new()
-    assert unconfirmed("release:=true", "namespace:=left") == (
-        0,
-        "emergency stop released for graphs that start; none answers",
-    )
+    nobody = "emergency stop released for graphs that start; none answers"
+    assert unconfirmed("release:=true", "namespace:=left") == (0, nobody)
     stop_from_a_terminal(graph, haptic_accel, observer, ask)
     stop_by_whoever_publishes(graph, observer)
     assert graph.end(signal.SIGINT) == 0, graph.text
@@ -164,9 +170,7 @@ def test_a_bag_of_a_stop_and_its_release_can_be_played_and_does_not_more_than_st
     graph = haptic_accel("teleop", "rate:=200", "bag:=bag")
     graph.wait_for("engaged")
     observer.collect((topics.ACTUATOR_FORCE,), 100)
-    button = observer.node.create_publisher(
-        Bool, topics.EMERGENCY_STOP.name, quality(topics.EMERGENCY_STOP, depth=1)
-    )
+    button = stop_publisher(observer)
     seen = len(graph.lines)
     button.publish(Bool(data=True))
     graph.wait_for("uncoupled: emergency stop", after=seen)
@@ -182,16 +186,14 @@ def test_a_bag_of_a_stop_and_its_release_can_be_played_and_does_not_more_than_st
 
     graph = haptic_accel("teleop", "rate:=200", "record:=false")
     graph.wait_for("engaged")
-    observer.collect(
-        (topics.MASTER_ARM_FORCE,), 100
-    )  # the device counts again at the arm's first force
+    # The device counts again at the arm's first force.
+    observer.collect((topics.MASTER_ARM_FORCE,), 100)
     observer.call(SetBool, topics.EMERGENCY_STOP.name, SetBool.Request(data=True))
     graph.wait_for("uncoupled: emergency stop")
     so_far, before = len(graph.lines), applied(observer)
     player = start(BAG_PLAYER, tmp_path / "bag", "all")
     assert player.end() == 0, player.text
-    for topic in STOPPED:
-        observer.wait_for_state(topic, True)
+    all_are(observer, True)
     assert applied(observer) == before
     assert not any("engaged" in line or "stop released" in line for line in graph.lines[so_far:])
     engage(graph, observer)
@@ -227,26 +229,21 @@ def test_a_stop_outlasts_who_gave_it_and_the_coupler_and_all_are_released_or_non
     # A stop that nobody confirmed is pending for the graph that comes.
     assert unconfirmed()[0] == 1
     nodes = {name: begin(name) for name in words}
-    for topic in STOPPED:
-        observer.wait_for_state(topic, True)
+    all_are(observer, True)
     told = "pending: release it by haptic-accel estop release:=true"
     wait_until(lambda: any(told in node.text for node in nodes.values()), "the first to stop says")
     engage(nodes["coupler"], observer)
     assert not PendingStop(domain, "").is_new()
     observer.call(SetBool, topics.EMERGENCY_STOP.name, SetBool.Request(data=True))
-    for topic in STOPPED:
-        observer.wait_for_state(topic, True)
+    all_are(observer, True)
     nodes["slave_device"].process.send_signal(signal.SIGSTOP)
     assert released(observer) == (False, "slave_device: no answer within 1 s")
     nodes["slave_device"].process.send_signal(signal.SIGCONT)
-    for topic in STOPPED:
-        observer.wait_for_state(topic, True)
+    all_are(observer, True)
     # A coupler that starts again is told of the stop.
     kill(nodes["coupler"])
     nodes["coupler"] = begin("coupler")
-    nodes["coupler"].wait_for(
-        "only (slave and master|master and slave) stopped; all are stopped again"
-    )
+    nodes["coupler"].wait_for("only (slave and master|master and slave) stopped; all are stopped")
     observer.wait_for_state(topics.COUPLER_STOPPED, True)
     wait_until(lambda: released(observer)[0], "released, once the coupler is old enough")
     nodes["coupler"].wait_for("engaged")
@@ -260,9 +257,7 @@ def test_a_stop_outlasts_who_gave_it_and_the_coupler_and_all_are_released_or_non
         timed_out = "actuator force timed out"
         reported(lambda array: any(timed_out in one.message for one in array.status))
     # Anybody may stop by the topic alone, and be gone.
-    anybody = observer.node.create_publisher(
-        Bool, topics.EMERGENCY_STOP.name, quality(topics.EMERGENCY_STOP, depth=1)
-    )
+    anybody = stop_publisher(observer)
     anybody.publish(Bool(data=True))
     for topic in (topics.MASTER_STOPPED, topics.SLAVE_STOPPED):
         observer.wait_for_state(topic, True)

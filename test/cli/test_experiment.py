@@ -15,9 +15,8 @@ import psutil
 import pytest
 
 from nightly import rest_slow
-from running import Command
+from running import Start
 
-Start = Callable[..., Command]
 Ran = Callable[..., str]
 FOUR = ("experiment", "--lockstep", "duration:=5", "surface:=text")
 NETWORK = ["--delay", "20", "--jitter", "10"]
@@ -75,10 +74,9 @@ def test_lockstep_gives_the_nine_conditions_and_again_the_same(ran: Ran, here: P
 def test_the_papers_loop_has_no_latency(ran: Ran, here: Path) -> None:
     errors = {}
     for latency in (0, 3):
-        ran(
-            *("experiment", "--lockstep", "duration:=2", "surface:=text", "controller:=dynamic"),
-            *(f"latency:={latency}", "--json", f"{latency}.json", "--out", str(latency)),
-        )
+        words = ("duration:=2", "surface:=text", "controller:=dynamic", f"latency:={latency}")
+        written = ("--json", f"{latency}.json", "--out", str(latency))
+        ran("experiment", "--lockstep", *words, *written)
         (condition,) = figures(here / f"{latency}.json")
         assert condition["latency_samples"] == latency
         assert condition["after_samples"] == latency + 1
@@ -97,10 +95,8 @@ def test_the_papers_loop_has_no_latency(ran: Ran, here: Path) -> None:
 def test_a_network_between_the_arms_costs_no_more_than_what_it_loses(ran: Ran, here: Path) -> None:
     errors = []
     for name, network in (("near", ["--delay", "20"]), ("lossy", [*NETWORK, "--loss", "0.1"])):
-        ran(
-            *("experiment", "--lockstep", "duration:=3", "surface:=text", "controller:=inverse"),
-            *(*network, "rig:=ideal", "--json", f"{name}.json", "--out", name),
-        )
+        words = ("duration:=3", "surface:=text", "controller:=inverse", "rig:=ideal", *network)
+        ran("experiment", "--lockstep", *words, "--json", f"{name}.json", "--out", name)
         errors += [condition["nrmse_percent"] for condition in figures(here / f"{name}.json")]
     assert errors[1] == pytest.approx(errors[0], abs=8.0)
     assert json.loads((here / "lossy.json").read_text())["network"]["jitter"] == 0.01
@@ -117,8 +113,8 @@ def test_seeds_are_users_and_a_rig_can_be_chosen(ran: Ran, here: Path) -> None:
     content = json.loads((here / "paper.json").read_text())
     assert (content["rig"], content["seeds"]) == ("paper", [3, 4])
     errors = {
-        rig: {(c["controller"], c["seed"]): c["nrmse_percent"] for c in figures(here / file)}
-        for rig, file in (("ideal", "ideal.json"), ("paper", "paper.json"))
+        rig: {(c["controller"], c["seed"]): c["nrmse_percent"] for c in figures(file)}
+        for rig, file in ((name, here / f"{name}.json") for name in ("ideal", "paper"))
     }
     for seed in (3, 4):
         # What a real rig has besides the paper's model makes every controller worse.
@@ -130,13 +126,8 @@ def test_seeds_are_users_and_a_rig_can_be_chosen(ran: Ran, here: Path) -> None:
 def test_live_gives_the_same_figures_and_how_samples_travelled(
     haptic_accel: Start, tmp_path: Path
 ) -> None:
-    command = haptic_accel(
-        "experiment",
-        "surface:=text",
-        "controller:=constant",
-        "duration:=2",
-        *("--json", "figures.json", "--out", "report"),
-    )
+    words = ("surface:=text", "controller:=constant", "duration:=2")
+    command = haptic_accel("experiment", *words, "--json", "figures.json", "--out", "report")
     assert command.end() == 0, command.text
     (condition,) = figures(tmp_path / "figures.json")
     live = {"age_us", "lost", "missed", "missed_deadlines", "lockstep_nrmse_percent"}
@@ -149,9 +140,8 @@ def test_live_gives_the_same_figures_and_how_samples_travelled(
     for counts in condition["missed_deadlines"].values():
         assert 0 <= counts["missed"] <= counts["due"]
     assert set(condition["age_us"]) == {"p50", "p99", "max"}
-    assert (
-        0 < condition["age_us"]["p50"] <= condition["age_us"]["p99"] <= condition["age_us"]["max"]
-    )
+    age = condition["age_us"]
+    assert 0 < age["p50"] <= age["p99"] <= age["max"]
     assert 1 < condition["seconds"] <= 3.5
     # The texture reaches the handle about as in the paper (0.65 on average), where the host let
     # the nodes keep their deadlines: each that is missed disturbs what follows.
@@ -202,10 +192,8 @@ def test_a_killed_process_leaves_no_condition_out(haptic_accel: Start, tmp_path:
 def test_a_recording_is_the_input_of_all_controllers(ran: Ran, here: Path) -> None:
     rows = "\n".join(f"{i % 7},{(i % 10) - 4.5}" for i in range(3000))
     (here / "mine.csv").write_text(f"speed,accel\n{rows}\n")
-    ran(
-        *("experiment", "--lockstep", "surface:=mine.csv", "recording_rate:=1000"),
-        *("duration:=2", "--json", "figures.json", "--out", "report"),
-    )
+    words = ("surface:=mine.csv", "recording_rate:=1000", "duration:=2")
+    ran("experiment", "--lockstep", *words, "--json", "figures.json", "--out", "report")
     conditions = figures(here / "figures.json")
     compared = ["none", "constant", "dynamic", "adaptive"]
     assert [c["controller"] for c in conditions] == compared

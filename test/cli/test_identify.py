@@ -30,26 +30,23 @@ from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import parse_assignments
 from nightly import rest_slow
 from observing import Observer
-from running import Command
-from verbs import WITHOUT_FRICTION, next_command, output_of, status_of
+from running import Start
+from verbs import WITHOUT_FRICTION, next_command, output_of, refusal, status_of
 
-Start = Callable[..., Command]
 TABLE_I = {"m_a": 0.018, "k_s": 266.0, "b_s": 2.0, "m_h": 0.128, "k_u": 1500.0, "b_u": 11.0}
 
 
 def test_table_i_comes_back_as_a_parameter_file(ran: Callable[..., str], tmp_path: Path) -> None:
     # The ideal rig with as much noise as the paper's sensor has behind its low-pass.
-    (tmp_path / "noise.yaml").write_text(
-        "master_device: {ros__parameters: {simulated: {accelerometer: {noise_density: 0.00017}}}}"
-    )
+    noisy = "simulated: {accelerometer: {noise_density: 0.00017}}"
+    (tmp_path / "noise.yaml").write_text(f"master_device: {{ros__parameters: {{{noisy}}}}}")
     text = ran(
         *("identify", "--lockstep", "rig:=ideal", "params_file:=noise.yaml", "--trials", "2"),
         *("--json", "metrics.json", "--out", "found", "--update", "noise.yaml"),
     )
     last = text.rstrip().splitlines()[-1]
-    assert last.endswith(
-        "next: haptic-accel teleop params_file:=noise.yaml controller:=adaptive rig:=ideal"
-    )
+    words = "params_file:=noise.yaml controller:=adaptive rig:=ideal"
+    assert last.endswith(f"next: haptic-accel teleop {words}")
     metrics = json.loads((tmp_path / "metrics.json").read_text())
     assert set(metrics["parameters"]) == set(TABLE_I)
     for file in ("noise.yaml", "found/handle.yaml"):
@@ -118,11 +115,9 @@ def test_on_the_papers_rig_models_follow_the_handle_to_400_hz(
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(
-    words: list[str], status: int, named: str, here: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], status: int, named: str, here: Path
 ) -> None:
-    assert status_of("identify", *words) == status
-    (line,) = capsys.readouterr().err.splitlines()
-    assert named in line
+    assert named in refusal("identify", *words, status=status)
     assert not list(here.rglob("handle.yaml"))
     assert not list(here.rglob("identify_*"))
 
@@ -165,9 +160,8 @@ def test_the_live_graph_finds_the_handle_grip_by_grip(haptic_accel: Start, tmp_p
     assert later["parameters"] == metrics["grips"]["pinch"]["parameters"]
     assert later["max_magnitude_error_db"] is None  # the truth of a recording is not known
     # Another sweep than it was made with.
-    wrong = haptic_accel(
-        *("identify", "--from", "found/bags/pinch", "--duration", "1", "--end-frequency", "300")
-    )
+    swept = ("--duration", "1", "--end-frequency", "300")
+    wrong = haptic_accel("identify", "--from", "found/bags/pinch", *swept)
     assert wrong.end() == 1
     assert "actuator_force: correlates" in wrong.text
 
@@ -176,10 +170,8 @@ def test_the_live_graph_finds_the_handle_grip_by_grip(haptic_accel: Start, tmp_p
 def test_an_actuator_near_its_stops_is_left_without_force(
     haptic_accel: Start, tmp_path: Path
 ) -> None:
-    command = haptic_accel(
-        *("identify", "rig:=ideal", *SHORT, "--start-amplitude", "4", "--end-amplitude", "4"),
-        *("--out", "found"),
-    )
+    strong = ("--start-amplitude", "4", "--end-amplitude", "4", "--out", "found")
+    command = haptic_accel("identify", "rig:=ideal", *SHORT, *strong)
     assert command.end() == 1, command.text
     assert "travel: " in command.text
     assert "smaller amplitude" in command.text
@@ -212,10 +204,8 @@ def test_live_amplitudes_that_are_too_strong_are_lowered(
     haptic_accel: Start, tmp_path: Path
 ) -> None:
     update_parameter_file(tmp_path / "short.yaml", SHORT_TRAVEL)
-    command = haptic_accel(
-        *("identify", "rig:=ideal", "params_file:=short.yaml", *SHORT, *WITHOUT_FRICTION),
-        *("--out", "found"),
-    )
+    words = ("rig:=ideal", "params_file:=short.yaml", *SHORT, *WITHOUT_FRICTION)
+    command = haptic_accel("identify", *words, "--out", "found")
     assert command.end() == 0, command.text
     assert "use a smaller amplitude; repeated with 71 % of the amplitudes" in command.text
     bags = sorted(bag.name for bag in tmp_path.glob("found/bags/*"))
@@ -249,34 +239,30 @@ def test_an_emergency_stop_ends_the_run(haptic_accel: Start, tmp_path: Path) -> 
     assert forces(tmp_path / "found" / "bags" / "average")[-1] == 0.0
 
 
-@pytest.mark.parametrize(
-    ("header", "status", "named"),
-    [
-        ("actuator_force,handle_acceleration", 0, ""),
-        ("force,acceleration", 2, "actuator_force"),
-        ("actuator_force,a", 2, "handle_acceleration"),
-    ],
-)
-def test_a_csv_recording_has_named_columns(
-    here: Path, header: str, status: int, named: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    sweep = SweepParameters(duration=1.0)
-    (trial,) = run_identification(parameters=sweep, rate=1000.0, latency=0)
+COLUMNS = "actuator_force,handle_acceleration"
+
+
+def recording(file: Path, header: str = COLUMNS, **sweep: float) -> None:
+    """Write a CSV file of a sweep of one second."""
+    parameters = SweepParameters(duration=1.0, **sweep)
+    (trial,) = run_identification(parameters=parameters, rate=1000.0, latency=0)
     columns = np.column_stack([trial.actuator_force, trial.handle_acceleration])
-    np.savetxt(here / "bench.csv", columns, delimiter=",", header=header, comments="")
-    found = status_of(
-        *("identify", "--from", "bench.csv", "--recording-rate", "1000", "--duration", "1"),
-        *("--json", "metrics.json", "--out", "found"),
-    )
-    assert found == status
-    told = capsys.readouterr()
-    assert named in told.err
-    if status == 0:
-        shown = ["reading bench.csv", *stages(["average"])[:3], "discrete model"]
-        assert told.out.splitlines()[: len(shown)] == shown
-        metrics = json.loads((here / "metrics.json").read_text())
-        assert metrics["parameters"]["m_h"]["value"] == pytest.approx(TABLE_I["m_h"], rel=0.02)
-        assert (here / "found" / "index.html").is_file()
+    np.savetxt(file, columns, delimiter=",", header=header, comments="")
+
+
+def test_a_csv_recording_has_named_columns(here: Path) -> None:
+    words = ("--from", "bench.csv", "--recording-rate", "1000", "--duration", "1")
+    missing = {"force,acceleration": "actuator_force", "actuator_force,a": "handle_acceleration"}
+    for header, named in missing.items():
+        recording(here / "bench.csv", header)
+        assert named in refusal("identify", *words, "--out", "found")
+    recording(here / "bench.csv")
+    told = output_of("identify", *words, "--json", "metrics.json", "--out", "found")
+    shown = ["reading bench.csv", *stages(["average"])[:3], "discrete model"]
+    assert told.splitlines()[: len(shown)] == shown
+    metrics = json.loads((here / "metrics.json").read_text())
+    assert metrics["parameters"]["m_h"]["value"] == pytest.approx(TABLE_I["m_h"], rel=0.02)
+    assert (here / "found" / "index.html").is_file()
 
 
 G = 9.80665
@@ -287,17 +273,12 @@ G = 9.80665
     rest_slow(
         [
             ("actuator_force [mN],handle_acceleration [g]", 1000.0, 1 / G, ()),
-            ("actuator_force,handle_acceleration", 1.0, 1 / G, ("m_h = 1.2", "in another unit")),
+            (COLUMNS, 1.0, 1 / G, ("m_h = 1.2", "in another unit")),
         ]
     ),
 )
 def test_units_are_converted_or_a_mass_outside_all_sense_is_doubted(
-    here: Path,
-    header: str,
-    force: float,
-    acceleration: float,
-    words: Sequence[str],
-    capsys: pytest.CaptureFixture[str],
+    here: Path, header: str, force: float, acceleration: float, words: Sequence[str]
 ) -> None:
     (trial,) = run_identification(parameters=SweepParameters(duration=1.0), rate=1000.0, latency=0)
     columns = [trial.actuator_force * force, trial.handle_acceleration * acceleration]
@@ -306,8 +287,8 @@ def test_units_are_converted_or_a_mass_outside_all_sense_is_doubted(
     np.savetxt(here / "bench.csv", table, delimiter=",", header="t," + header, comments="")
     found = ("identify", "--from", "bench.csv", "--duration", "1", "--json", "metrics.json")
     found += WITHOUT_FRICTION
-    assert status_of(*found, "--recording-rate", "2000") == 2
-    assert "column t says 1000 Hz, recording_rate = 2000" in capsys.readouterr().err
+    refused = refusal(*found, "--recording-rate", "2000")
+    assert "column t says 1000 Hz, recording_rate = 2000" in refused
     told = output_of(*found, "--out", "found")
     metrics = json.loads((here / "metrics.json").read_text())
     mass = TABLE_I["m_h"] * (1 if "[g]" in header else force / acceleration)
@@ -318,23 +299,11 @@ def test_units_are_converted_or_a_mass_outside_all_sense_is_doubted(
     assert words or not any("in another unit" in doubt for doubt in metrics["doubts"])
 
 
-def recording(amplitude: float, file: Path) -> None:
-    """Write a CSV file of a sweep that begins with an amplitude in N."""
-    sweep = SweepParameters(duration=1.0, start_amplitude=amplitude)
-    (trial,) = run_identification(parameters=sweep, rate=1000.0, latency=0)
-    columns = np.column_stack([trial.actuator_force, trial.handle_acceleration])
-    header = "actuator_force,handle_acceleration"
-    np.savetxt(file, columns, delimiter=",", header=header, comments="")
-
-
-def test_a_recording_that_hit_the_stops_is_refused_by_its_estimated_travel(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    recording(1.2, here / "hard.csv")
+def test_a_recording_that_hit_the_stops_is_refused_by_its_estimated_travel(here: Path) -> None:
+    recording(here / "hard.csv", start_amplitude=1.2)
     words = ("--recording-rate", "1000", "--duration", "1", "--start-amplitude", "1.2")
     words += WITHOUT_FRICTION
-    assert status_of("identify", "--from", "hard.csv", *words, "--out", "found") == 1
-    told = capsys.readouterr().err
+    told = refusal("identify", "--from", "hard.csv", *words, "--out", "found", status=1)
     assert "travel = " in told
     again = advised(told)
     assert (again.start_amplitude, again.end_amplitude, again.duration) == (0.6, 0.84, 1.0)
@@ -378,7 +347,7 @@ def test_trials_that_lack_samples_are_left_out_with_the_command_for_others(
 def test_a_doubtful_handle_is_marked_and_the_graph_warns_of_it(
     haptic_accel: Start, ask: Callable[..., tuple[int, str]], here: Path
 ) -> None:
-    recording(0.75, here / "near.csv")
+    recording(here / "near.csv", start_amplitude=0.75)
     words = ("--recording-rate", "1000", "--duration", "1", "--start-amplitude", "0.75")
     status, said = ask("identify", "--from", "near.csv", *words, "--out", "found")
     assert status == 0, said
@@ -388,9 +357,7 @@ def test_a_doubtful_handle_is_marked_and_the_graph_warns_of_it(
     assert "plant: travel = 3.7" in graph.text
 
 
-def test_a_recording_in_three_axes_gives_one_file_for_the_compensator(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recording_in_three_axes_gives_one_file_for_the_compensator(here: Path) -> None:
     (trial,) = three_coils.trials(three_coils.plant(), 1)
     rest = np.zeros((300, 3))
     signals = {
@@ -413,8 +380,8 @@ def test_a_recording_in_three_axes_gives_one_file_for_the_compensator(
     assert np.abs(np.angle(ratio, deg=True)).max() < 5.0
     # Several grips are not pooled.
     grips = ("--from", "pinch=bag", "--from", "hook=bag")
-    assert status_of("identify", *grips, *words, "--out", "again") == 2
-    assert "grips = pinch, hook: must be one for three axes" in capsys.readouterr().err
+    refused = refusal("identify", *grips, *words, "--out", "again")
+    assert "grips = pinch, hook: must be one for three axes" in refused
 
 
 @pytest.mark.slow
@@ -438,10 +405,8 @@ def test_three_axes_have_a_band_of_their_own() -> None:
 
 @pytest.mark.slow
 def test_the_live_graph_finds_three_axes(haptic_accel: Start, tmp_path: Path) -> None:
-    command = haptic_accel(
-        *("identify", "rig:=three_axis", "--trials", "1", "--json", "metrics.json"),
-        *(*WITHOUT_FRICTION, "--out", "found"),
-    )
+    words = ("--trials", "1", "--json", "metrics.json", *WITHOUT_FRICTION, "--out", "found")
+    command = haptic_accel("identify", "rig:=three_axis", *words)
     assert command.end() == 0, command.text
     assert any("repeat 12 of 12" in line for line in command.lines)
     metrics = json.loads((tmp_path / "metrics.json").read_text())

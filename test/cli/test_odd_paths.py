@@ -9,6 +9,7 @@ import json
 import os
 import re
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote_to_bytes
@@ -82,10 +83,8 @@ def test_a_bag_of_the_other_storage_is_read(odd: Path) -> None:
         Reader(DATA / "text") as reader,
         Writer(here, version=8, storage_plugin=StoragePlugin.SQLITE3) as writer,
     ):
-        topics = {
-            each.id: writer.add_connection(each.topic, each.msgtype, typestore=store)
-            for each in reader.connections
-        }
+        add = partial(writer.add_connection, typestore=store)
+        topics = {each.id: add(each.topic, each.msgtype) for each in reader.connections}
         for connection, received, data in reader.messages():
             writer.write(topics[connection.id], received, data)
     before = read_bag(here)
@@ -138,11 +137,8 @@ def test_models_pages_and_parameter_files_are_written_and_read(odd: Path) -> Non
 def test_a_path_with_an_equals_sign_is_no_grip(here: Path) -> None:
     (here / "grip=hook").mkdir()
     (here / "grip=hook" / "bench.csv").write_text("force,acceleration\n1,2\n")
-    for source in (
-        "grip=hook/bench.csv",
-        "pinch=grip=hook/bench.csv",
-        here / "grip=hook/bench.csv",
-    ):
+    named = "grip=hook/bench.csv"
+    for source in (named, f"pinch={named}", here / named):
         said = refusal("identify", "--from", source, "--recording-rate", "1000", "--out", "found")
         assert "bench.csv" in said
         assert "actuator_force" in said, "the file is read, and its columns are named"

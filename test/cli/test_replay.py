@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ from haptic_accel.devices.playback import ReplayParameters, read_track
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial, record_trial
 from haptic_accel.setup.setup import Setup
-from running import Command
+from running import Start
 from verbs import next_command, output_of, refusal, status_of
 
 DATA = Path(__file__).parents[1] / "data"
@@ -90,9 +89,8 @@ def test_bags_in_which_nothing_was_recorded_are_named_and_skipped(
     words = [empty, DATA / "text", other, DATA / "plywood", "--lockstep"]
     assert status_of("replay", *words, "--json", tmp_path / "metrics.json") == 0
     skipped = capsys.readouterr().err.splitlines()
-    assert skipped == [
-        f"skipped: {bag}: has no message of slave/tool/acceleration" for bag in (empty, other)
-    ]
+    why = "has no message of slave/tool/acceleration"
+    assert skipped == [f"skipped: {bag}: {why}" for bag in (empty, other)]
     played = json.loads((tmp_path / "metrics.json").read_text())["conditions"]
     assert [Path(each["bag"]).name for each in played] == ["text", "plywood"]
     assert refusal("replay", empty, other, "--lockstep").startswith(f"{empty}: has no message of")
@@ -118,9 +116,7 @@ def test_a_part_of_a_bag_is_played(tmp_path: Path) -> None:
 
 
 @pytest.mark.quiet
-def test_a_terminal_shows_how_far_a_replay_is(
-    start: Callable[..., Command], tmp_path: Path
-) -> None:
+def test_a_terminal_shows_how_far_a_replay_is(start: Start, tmp_path: Path) -> None:
     in_terminal = "import pty, sys; sys.exit(pty.spawn([sys.executable, *sys.argv[1:]]) >> 8)"
     words = ["-m", "haptic_accel.cli.main", "replay", DATA / "text", "rate:=1", "output:=bag"]
     command = start("-c", in_terminal, *words)

@@ -186,9 +186,8 @@ def test_a_key_acts_without_enter_and_the_terminal_is_restored(
 def test_what_is_no_terminal_is_not_read(tmp_path: Path) -> None:
     (tmp_path / "input").write_text("  ")
     with (tmp_path / "input").open() as given:
-        command = subprocess.Popen(
-            [sys.executable, "-c", KEYS], stdin=given, stdout=subprocess.PIPE, text=True
-        )
+        words = [sys.executable, "-c", KEYS]
+        command = subprocess.Popen(words, stdin=given, stdout=subprocess.PIPE, text=True)
         assert command.stdout
         assert command.stdout.readline() == "not reading\n"
         command.send_signal(signal.SIGTERM)
@@ -254,9 +253,7 @@ with printable_output(), shown_stages(["one", "two"]) as begin:
 def test_stages_are_a_bar_in_a_terminal_and_a_line_each_elsewhere() -> None:
     in_terminal = "import pty, sys; sys.exit(pty.spawn([sys.executable, *sys.argv[1:]]) >> 8)"
     plain, drawn = (
-        subprocess.run(
-            [sys.executable, *words], capture_output=True, check=True, stdin=subprocess.DEVNULL
-        ).stdout.decode()
+        subprocess.check_output([sys.executable, *words], stdin=subprocess.DEVNULL, text=True)
         for words in (["-c", STAGES], ["-c", in_terminal, "-c", STAGES])
     )
     assert plain == "one\na name with \\x1b[2J in it\ntwo\n"

@@ -8,15 +8,12 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
-from collections.abc import Callable
 
 import aiohttp
 import pytest
 
 from browsing import received
-from running import Command, free_port, nodes_of
-
-Start = Callable[..., Command]
+from running import Start, free_port, nodes_of
 
 
 async def first_frames(address: str) -> int:

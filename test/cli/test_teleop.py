@@ -28,11 +28,10 @@ from haptic_accel.nodes.device_node import STALL
 from nightly import rest_slow
 from observing import Observer
 from reading import deserialised
-from running import Command, ended_one_by_one, nodes_of, realtime_is_allowed, wait_until
+from running import Command, Start, ended_one_by_one, nodes_of, realtime_is_allowed, wait_until
 from sharing import LookAtOneGraph, SharedGraph
 from verbs import tells
 
-Start = Callable[..., Command]
 EXECUTABLES = {"master_device", "slave_device", "coupler", "compensator", "recorder"}
 """Executables of `APART`, named like their nodes."""
 
@@ -80,14 +79,10 @@ def check_complete(messages: Mapping[str, list[Any]], seconds: float) -> None:
 
 def check_followed(messages: Mapping[str, list[Any]]) -> None:
     """Assert that each force is the constant gain's answer to the desired acceleration."""
-    desired = {
-        stamp_of(message): message.accel.linear.z
-        for message in messages["/compensator/desired_acceleration"]
-    }
-    forces = {
-        stamp_of(message): message.wrench.force.z
-        for message in messages["/master/handle/servo_cf"]
-    }
+    asked = messages["/compensator/desired_acceleration"]
+    desired = {stamp_of(message): message.accel.linear.z for message in asked}
+    sent = messages["/master/handle/servo_cf"]
+    forces = {stamp_of(message): message.wrench.force.z for message in sent}
     both = desired.keys() & forces.keys()
     assert len(both) > LEAST_ARRIVED * len(desired)
     # Table I: the constant gain is the 0.128 kg of handle and hand. The actuator's limits, which
@@ -102,10 +97,9 @@ def check_followed(messages: Mapping[str, list[Any]]) -> None:
 def check_reported_evenly(bag: Path) -> None:
     """Assert that the coupler's reports, beside its steps, come as the compensator's do."""
     reports = read_bag(bag).diagnostics
-    coupler, compensator = (
-        np.diff([each.received for each in reports if each.node == node]).max()
-        for node in ("coupler", "compensator")
-    )
+    nodes = ("coupler", "compensator")
+    times = ([each.received for each in reports if each.node == node] for node in nodes)
+    coupler, compensator = (np.diff(own).max() for own in times)
     assert coupler < 2 * compensator
 
 
@@ -199,9 +193,8 @@ class TestGraphAsStarted(LookAtOneGraph):
     def test_what_makes_forces_is_real_time_where_that_is_allowed(
         self, graph: SharedGraph
     ) -> None:
-        wait_for_scheduling(
-            graph.domain, os.SCHED_FIFO if realtime_is_allowed() else os.SCHED_OTHER
-        )
+        scheduled = os.SCHED_FIFO if realtime_is_allowed() else os.SCHED_OTHER
+        wait_for_scheduling(graph.domain, scheduled)
 
     def test_ctrl_c_ends_cleanly_and_the_bag_is_whole(self, graph: SharedGraph) -> None:
         command, bag = graph.command, graph.folder / "bag"
@@ -210,9 +203,7 @@ class TestGraphAsStarted(LookAtOneGraph):
         assert "Traceback" not in command.text
         assert "0 dropped" in command.wait_for("messages")
         arrangement, stop, *_ = command.lines
-        assert arrangement.startswith(
-            "one process for master_device, slave_device, coupler and comp"
-        )
+        assert arrangement.startswith("one process for master_device, slave_device, coupler and ")
         assert stop.startswith("emergency stop: haptic-accel estop in another terminal;")
         assert command.lines[-1] == f"next: haptic-accel analyze {bag}"
         for device in ("master_device", "slave_device"):
@@ -247,9 +238,10 @@ def test_a_pause_of_a_simulated_world_counts_as_a_real_handle_would_feel_it(
     assert "the simulated world waited for its node" in told
 
 
-@pytest.mark.parametrize(
-    ("process", "words"), [("recorder", []), *((name, [APART]) for name in sorted(EXECUTABLES))]
-)
+DYING = [("recorder", []), *((name, [APART]) for name in sorted(EXECUTABLES))]
+
+
+@pytest.mark.parametrize(("process", "words"), DYING)
 @pytest.mark.slow
 def test_a_process_that_dies_ends_the_graph_and_is_named(
     haptic_accel: Start, domain: int, process: str, words: list[str]
@@ -298,7 +290,7 @@ run_nodes("coupler", Aborting)
 @pytest.mark.parametrize("end", rest_slow(["os.abort()", "take(lock), take(lock)"]))
 @pytest.mark.quiet
 def test_middleware_that_does_not_end_when_all_is_done_is_told_from_a_fault(
-    start: Callable[..., Command], end: str
+    start: Start, end: str
 ) -> None:
     command = start("-c", ABORTING.format(end))
     command.wait_for("waiting for the position of master and slave")
@@ -382,11 +374,8 @@ def test_what_lies_in_the_working_directory_is_not_taken_for_a_module(
 ) -> None:
     (tmp_path / "haptic_accel").mkdir()  # as after `git clone` and `cd ..`
     (tmp_path / "queue.py").write_text("raise SystemExit('mine')")
-    for module, refused in {
-        "cli.main": ["teleop", "rate:=-1"],
-        "nodes.recorder": ["--fast"],
-        "nodes.composed": ["--fast"],
-    }.items():
+    nodes = {"nodes.recorder": ["--fast"], "nodes.composed": ["--fast"]}
+    for module, refused in ({"cli.main": ["teleop", "rate:=-1"]} | nodes).items():
         _, *words = module_command(f"haptic_accel.{module}")
         command = start(*words, *refused)
         assert command.end() == 2, command.text

@@ -8,14 +8,13 @@ from __future__ import annotations
 import asyncio
 import json
 import signal
-from collections.abc import Callable
 from pathlib import Path
 
 import aiohttp
 import pytest
 
 from browsing import received
-from running import Command, wait_until
+from running import Start, wait_until
 
 WITHOUT_ROS = """
 import sys
@@ -41,7 +40,7 @@ async def shown(address: str, name: str = "nrmse_percent") -> dict[str, object]:
 
 
 @pytest.mark.quiet
-def test_a_surface_is_touched_without_ros(start: Callable[..., Command]) -> None:
+def test_a_surface_is_touched_without_ros(start: Start) -> None:
     touching = start("-c", WITHOUT_ROS)
     state = asyncio.run(shown(touching.wait_for("http").split()[0]))
     assert (state["surface"], state["controller"], state["led"]) == ("text", "adaptive", True)
@@ -52,7 +51,7 @@ def test_a_surface_is_touched_without_ros(start: Callable[..., Command]) -> None
 @pytest.mark.quiet
 @pytest.mark.parametrize("screen", ["", ":7"])
 def test_the_page_is_opened_where_there_is_a_screen(
-    haptic_accel: Callable[..., Command],
+    haptic_accel: Start,
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
     screen: str,

@@ -17,9 +17,8 @@ from haptic_accel.setup.words import described
 
 
 def test_words_have_their_types() -> None:
-    arguments = parse_arguments(
-        ["rate:=4000", "seed:=7", "record:=False", "bag:=12", "surface:=a:=b"]
-    )
+    words = ["rate:=4000", "seed:=7", "record:=False", "bag:=12", "surface:=a:=b"]
+    arguments = parse_arguments(words)
     assert arguments.rate == 4000.0
     assert arguments.seed == 7
     assert arguments.record is False
@@ -96,12 +95,7 @@ def test_a_recording_is_for_the_simulated_slave() -> None:
 
 @pytest.mark.parametrize(
     ("words", "samples"),
-    [
-        ("latency:=2ms", 2),
-        ("latency:=1.5ms rate:=4000", 6),
-        ("latency:=0ms", 0),
-        ("latency:=3", 3),
-    ],
+    [("latency:=2ms", 2), ("latency:=1.5ms rate:=4e3", 6), ("latency:=0ms", 0), ("latency:=3", 3)],
 )
 def test_a_latency_is_a_number_of_samples_or_a_time(words: str, samples: int) -> None:
     assert parse_arguments(words.split()).latency == samples
@@ -127,10 +121,7 @@ def test_a_latency_between_samples_is_refused(text: str, reason: str) -> None:
         ("latency:=4", r"latency = 4: must be at least 5 samples, 1\.25 ms, with frame = 4"),
         ("latency:=6 rate:=4002", r"frame = 4: must divide rate = 4002 Hz into whole frames"),
         ("latency:=6 composed:=false", r"frame = 4: must be 1 with composed:=false"),
-        (
-            "latency:=6 side:=slave peer:=b insecure:=true",
-            r"frame = 4: must be 1 with side:=slave",
-        ),
+        ("latency:=6 side:=slave peer:=b insecure:=true", r"frame = 4: must be 1 with side:="),
         ("latency:=6 slave:=can", r"must be 1 with the device can, .*; simulated, virtual"),
         ("latency:=6 actuator:=audio", r"frame = 4: must be 1 with the device audio"),
     ],

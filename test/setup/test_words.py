@@ -20,7 +20,7 @@ from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.coupling.engagement import LATCHED_SETTLING
 from observing import Observer
-from running import Command, wait_until
+from running import Command, Start, wait_until
 from verbs import refusal
 
 CONDITIONS = {
@@ -44,9 +44,8 @@ def check_whole(bag: Bag, namespace: str) -> None:
     assert all(name.startswith(f"/{namespace}/") for name in names_of(bag)), names_of(bag)
     assert set(bag.signals) == {topic.name for topic in topics.SIGNALS}
     assert bag.metadata["arguments"].items() >= CONDITIONS[namespace].items()
-    reported = {
-        said.values["controller"] for said in bag.diagnostics if said.node == "compensator"
-    }
+    own = [said for said in bag.diagnostics if said.node == "compensator"]
+    reported = {said.values["controller"] for said in own}
     assert reported == {CONDITIONS[namespace]["controller"]}
 
 
@@ -82,7 +81,7 @@ def stop_by_topic(graphs: dict[str, Command], observer: Observer) -> None:
 
 
 def test_two_graphs_run_side_by_side_and_do_not_mix(
-    haptic_accel: Callable[..., Command],
+    haptic_accel: Start,
     ask: Callable[..., tuple[int, str]],
     observer: Observer,
     tmp_path: Path,
@@ -102,10 +101,8 @@ def test_two_graphs_run_side_by_side_and_do_not_mix(
     status, line = ask("control", "namespace:=left", "surface:=plywood")
     assert (status, "surface.name vinyl -> plywood" in line) == (0, True), line
 
-    stopped = {
-        name: replace(topics.MASTER_STOPPED, name=f"{name}/{topics.MASTER_STOPPED.name}")
-        for name in graphs
-    }
+    topic = topics.MASTER_STOPPED
+    stopped = {name: replace(topic, name=f"{name}/{topic.name}") for name in graphs}
     stop_by_topic(graphs, observer)
     assert ask("estop", "namespace:=right")[0] == 0
     observer.wait_for_state(stopped["right"], state=True)
@@ -133,8 +130,9 @@ def test_two_graphs_run_side_by_side_and_do_not_mix(
     bags = {name: read_bag(tmp_path / name) for name in graphs}
     for name, bag in bags.items():
         check_whole(bag, name)
+    named = "surface.name"
     surfaces = {
-        name: [change.value for change in bag.changes if change.parameter.endswith("surface.name")]
+        name: [each.value for each in bag.changes if each.parameter.endswith(named)]
         for name, bag in bags.items()
     }
     # Of its own start, as much as the recorder heard of it: nothing of the other graph.
