@@ -27,6 +27,7 @@ from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.devices import Device, DeviceError, Sample
 from haptic_accel.devices.audio import PRESETS, AudioActuator, AudioParameters, HeldForce
 from haptic_accel.devices.simulated import SimulatedMaster
+from running import python
 from sound_cards import JACK_NAME, NAME, QUAD, jack_card, received, received_of_four, sound_card
 from sound_cards import RATE as CARD_RATE
 
@@ -53,6 +54,14 @@ class Bench:
     def received(self, channels: int = 2) -> np.ndarray:
         """Return what came to the card after it was closed, full scale 1."""
         return received(self.folder, channels)
+
+    def play(self, forces: np.ndarray, **fields: Any) -> Any:
+        """Return a device that has played forces, and is closed."""
+        device = self.device(**fields)
+        device.open()
+        self.run(device, forces)
+        device.close()
+        return device
 
     def run(self, device: Any, forces: np.ndarray, first: int = 0) -> list[Any]:
         """Serve ticks as the device node does; a force is due `LATENCY` ticks after its cause."""
@@ -107,10 +116,7 @@ def test_samples_that_arrive_are_the_forces_that_were_due(
     bench: Bench, channel: int, scale: float
 ) -> None:
     forces = np.random.default_rng(1).uniform(-3.0, 3.0, 300)
-    device = bench.device(channels=str(channel), full_scale=scale)
-    device.open()
-    bench.run(device, forces)
-    device.close()
+    device = bench.play(forces, channels=str(channel), full_scale=scale)
     received = bench.received(max(2, channel))
     signal = received[:, channel - 1]
     # Until the last tick, and ahead of it.
@@ -123,14 +129,10 @@ def test_samples_that_arrive_are_the_forces_that_were_due(
 
 def test_three_coils_are_driven_on_three_channels_with_one_due_time(bench: Bench) -> None:
     forces = np.random.default_rng(2).uniform(-2.0, 2.0, (200, 3))
-    device = bench.device(
-        inner=Still(ALL_AXES), channels="2", full_scale=4.0, coil_mounting="0 1 0, -1 0 0, 0 0 1"
-    )
+    turned = {"channels": "2", "full_scale": 4.0, "coil_mounting": "0 1 0, -1 0 0, 0 0 1"}
+    device = bench.play(forces, inner=Still(ALL_AXES), **turned)
     assert device.axes == ALL_AXES
-    device.open()
-    bench.run(device, forces)
     assert "sound card coil, channel 2, 3, 4, " in device.remark
-    device.close()
     silent, *signals = bench.received(4).T
     assert not silent.any()
     # The first coil is along y, the second along -x.
@@ -216,6 +218,7 @@ def test_the_simulated_handle_feels_the_force_when_it_is_due(bench: Bench) -> No
 
 
 TURNED = "1 0 0, 0 1 0, 1 1 0"
+FIFTH = {"device": QUAD, "channels": "4, 5"}
 
 
 @pytest.mark.parametrize(
@@ -225,11 +228,7 @@ TURNED = "1 0 0, 0 1 0, 1 1 0"
         ("latency = 7: must be at least 8", {"block": 128, "latency": 7}, ACTUATOR_AXES),
         ("latency = 20: must be at least 49", {"block": 1024, "latency": 20}, ACTUATOR_AXES),
         ("audio.block = 32: must be at least 45, the samples", {"block": 32}, ACTUATOR_AXES),
-        (
-            "audio.channels = '4, 5': channel 5 must be at most 4, as the sound card quad has no",
-            {"device": QUAD, "channels": "4, 5"},
-            ACTUATOR_AXES,
-        ),
+        ("audio.channels = '4, 5': channel 5 must be at most 4, as", FIFTH, ACTUATOR_AXES),
         ("audio.channels = '3': channel 3", {"device": "stereo", "channels": "3"}, ACTUATOR_AXES),
         ("audio.channels = '1': channel 3 must be at most 2", {"device": "stereo"}, ALL_AXES),
         ("audio.coil_mounting: axes that are not orthogo", {"coil_mounting": TURNED}, ALL_AXES),
@@ -300,17 +299,15 @@ def test_the_card_s_clock_is_followed(
     assert np.abs(settled).max() < 0.4e-3
 
 
-@pytest.mark.parametrize(
-    ("channels", "driven"), [("3, 4", [2, 3]), ("1", [0]), ("3", [2]), ("4,2", [1, 3])]
-)
+DRIVEN = [("3, 4", [2, 3]), ("1", [0]), ("3", [2]), ("4,2", [1, 3])]
+
+
+@pytest.mark.parametrize(("channels", "driven"), DRIVEN)
 def test_a_single_coil_s_force_is_on_all_its_channels_and_on_no_other(
     bench: Bench, channels: str, driven: list[int]
 ) -> None:
     forces = np.random.default_rng(1).uniform(-3.0, 3.0, 100)
-    device = bench.device(device=QUAD, channels=channels, full_scale=4.0)
-    device.open()
-    bench.run(device, forces)
-    device.close()
+    bench.play(forces, device=QUAD, channels=channels, full_scale=4.0)
     received = received_of_four(bench.folder)
     due = held(forces, CARD_RATE, len(received))
     for channel, signal in enumerate(received.T):
@@ -326,12 +323,9 @@ def pad(monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 def test_a_preset_gives_card_channels_and_rate(bench: Bench, pad: str) -> None:
-    device = bench.device(preset=pad, device="")
-    device.open()
-    bench.run(device, np.ones(50))
+    device = bench.play(np.ones(50), preset=pad, device="")
     assert "sound card quad, channel 3, 4, 64 samples a block at 48000 Hz" in device.remark
     assert device.remark.endswith("not calibrated, preset dualsense")
-    device.close()
     assert list(received_of_four(bench.folder).any(axis=0)) == [False, False, True, True]
 
 
@@ -380,10 +374,7 @@ def test_what_is_no_channels_is_refused_in_one_line(channels: str, coils: int) -
     ],
 )
 def test_what_it_plays_on_is_remarked(bench: Bench, fields: Any, remarked: str) -> None:
-    device = bench.device(**fields)
-    device.open()
-    assert re.search(remarked, device.remark)
-    device.close()
+    assert re.search(remarked, bench.play(np.zeros(3), **fields).remark)
 
 
 def test_a_card_that_is_unplugged_fails_in_one_line_and_closes(
@@ -411,15 +402,13 @@ def test_without_its_library_it_is_refused_in_one_line() -> None:
         "try: SoundCard(AudioParameters(), 1e-3)\n"
         "except DeviceError as error: print(error)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == (
-        "audio: needs sounddevice and PortAudio: pip install 'haptic_accel[audio]'\n"
-    )
+    done = python("-c", code, check=True)
+    needs = "needs sounddevice and PortAudio: pip install 'haptic_accel[audio]'"
+    assert done.stdout == f"audio: {needs}\n"
 
 
-forces = st.lists(
-    st.tuples(st.floats(0.0, 1.0), st.floats(-10.0, 10.0)), max_size=8, unique_by=lambda f: f[0]
-)
+moments = st.tuples(st.floats(0.0, 1.0), st.floats(-10.0, 10.0))
+forces = st.lists(moments, max_size=8, unique_by=lambda force: force[0])
 
 
 @given(forces, st.integers(1, 40), st.integers(1, 40))

@@ -101,9 +101,8 @@ def log(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
 def built(**values: Any) -> CombinedDevice:
     """Build one whose parts have parameters ``arm__NAME`` and ``handle__NAME``."""
     flat = {name.replace("__", "."): value for name, value in values.items()}
-    options = {
-        f"lab_{part}": from_flat(NotedParameters, flat, f"{part}.") for part in ("arm", "handle")
-    }
+    parts = ("arm", "handle")
+    options = {f"lab_{part}": from_flat(NotedParameters, flat, f"{part}.") for part in parts}
     return Both.from_options("lab", options, 1000.0, 0)
 
 
@@ -177,12 +176,8 @@ def test_each_gets_its_own_force(log: list[tuple[Any, ...]]) -> None:
     device.write(0.0, arm_force=ZERO)
     device.write(0.0, actuator_force=along_actuator(1.0))
     device.write(0.0, arm_force=ZERO, actuator_force=along_actuator(0.0))
-    assert log == [
-        ("the arm", ZERO, None),
-        ("the handle", None, along_actuator(1.0)),
-        ("the handle", None, ZERO),
-        ("the arm", ZERO, None),
-    ]
+    arm, handle = ("the arm", ZERO, None), ("the handle", None, along_actuator(1.0))
+    assert log == [arm, handle, ("the handle", None, ZERO), arm]
 
 
 def test_both_are_opened_or_none(log: list[tuple[Any, ...]]) -> None:
@@ -208,12 +203,8 @@ def test_one_is_closed_though_the_other_fails(log: list[tuple[Any, ...]], broken
 @pytest.mark.parametrize("devices", [MASTERS, SLAVES])
 def test_a_part_that_is_not_there_is_named_and_both_are_closed(devices: dict) -> None:
     side = "master_device" if devices is MASTERS else "slave_device"
-    values = {
-        "can.interface": "virtual",
-        "can.channel": "nobody",
-        "can.start_timeout": 0.1,
-        "serial.port": "/dev/none",
-    }
+    values = {"can.interface": "virtual", "can.channel": "nobody", "can.start_timeout": 0.1}
+    values["serial.port"] = "/dev/none"
     _, options = build_parameters(side, values)
     device = devices["can_serial"].from_options("can_serial", options, 1000.0, 0)
     with pytest.raises((RuntimeError, ParameterError), match="can: virtual nobody: no heartbeat"):

@@ -26,7 +26,7 @@ from haptic_accel.setup.arguments import PLAYED_TOPICS
 from haptic_accel.setup.node_parameters import NODES
 from nightly import rest_slow
 from observing import Observer
-from running import PATIENCE, Command
+from running import PATIENCE, Start
 
 DRIVER = """
 from dataclasses import dataclass
@@ -167,7 +167,7 @@ def test_a_driver_is_offered_where_its_arm_is(install: Install) -> None:
 
 @pytest.mark.quiet
 def test_drivers_have_the_parameters_that_they_are_described_to_have_and_to_change(
-    install: Install, haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
+    install: Install, haptic_accel: Start, observer: Observer, tmp_path: Path
 ) -> None:
     def felt(topic: topics.Topic) -> float:
         found = observer.collect((topic,), 3)[topic.name]
@@ -194,7 +194,7 @@ def test_drivers_have_the_parameters_that_they_are_described_to_have_and_to_chan
 
 @pytest.mark.parametrize("composed", rest_slow(["true", "false"]))
 def test_a_handle_turned_like_the_tool_has_its_vibration_in_the_same_axes(
-    install: Install, haptic_accel: Callable[..., Command], tmp_path: Path, composed: str
+    install: Install, haptic_accel: Start, tmp_path: Path, composed: str
 ) -> None:
     install({"turned": "lab_arm:TurnedMaster"})
     install({"tilted": "lab_arm:TurnedTool"}, "lab_tool", "slaves")
@@ -202,10 +202,9 @@ def test_a_handle_turned_like_the_tool_has_its_vibration_in_the_same_axes(
     arms = "master:=turned", "slave:=tilted", "params_file:=lab.yaml"
     graph = haptic_accel("teleop", *arms, f"composed:={composed}", "duration:=1", "bag:=bag")
     assert graph.end() == 0, graph.text
-    tool, desired = (
-        read_bag(tmp_path / "bag").signals[topic.name].values
-        for topic in (topics.TOOL_ACCELERATION, topics.DESIRED_ACCELERATION)
-    )
+    signals = read_bag(tmp_path / "bag").signals
+    both = (topics.TOOL_ACCELERATION, topics.DESIRED_ACCELERATION)
+    tool, desired = (signals[topic.name].values for topic in both)
     assert tool[-1] == pytest.approx((0.0, tool[-1, 1], 2 * tool[-1, 1]))  # in the base's axes
     x, y, z = desired[len(desired) // 2 :].T
     assert np.abs(y).max() < 0.05 * np.abs(x).max()

@@ -47,9 +47,8 @@ def test_a_force_moves_the_handle_as_its_model_says() -> None:
     wave = np.exp(-2j * math.pi * PROBE_FREQUENCY / RATE * np.flatnonzero(there))
     found = (wave @ seen.acceleration[there]) / (wave @ seen.force[there])
     handle, mount = parameters.handle, parameters.mount
-    expected = sampled_response(
-        handle, np.array([PROBE_FREQUENCY]), RATE, 0.0, parameters.accelerometer.bandwidth, mount
-    )[0]
+    driven, bandwidth = np.array([PROBE_FREQUENCY]), parameters.accelerometer.bandwidth
+    expected = sampled_response(handle, driven, RATE, 0.0, bandwidth, mount)[0]
     assert abs(found) == pytest.approx(abs(expected), rel=0.1)
     assert found.real > 0
 

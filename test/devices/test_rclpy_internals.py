@@ -8,8 +8,6 @@ from __future__ import annotations
 import os
 import re
 import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,9 +16,7 @@ import pytest
 from haptic_accel.core.topics import SIGNALS
 from haptic_accel.devices import rclpy_internals
 from reading import with_rosbags
-from running import Command
-
-Start = Callable[..., Command]
+from running import Start, python
 
 RENAMED = '''
 import re
@@ -133,8 +129,6 @@ for line in ("one", "two\\x1b"):
 
 def test_lines_are_logged_and_escaped() -> None:
     environment = os.environ | {"RCUTILS_CONSOLE_OUTPUT_FORMAT": "{name} {severity} {message}"}
-    done = subprocess.run(
-        [sys.executable, "-c", LOG], env=environment, capture_output=True, text=True, check=True
-    )
+    done = python("-c", LOG, env=environment, check=True)
     expected = ["arm INFO one", "arm WARN one", r"arm INFO two\x1b", r"arm WARN two\x1b"]
     assert done.stderr.splitlines() == expected

@@ -30,9 +30,8 @@ RATE = 1000.0
 PERIOD = 1 / RATE
 
 few = settings(deadline=None, max_examples=20)
-both = pytest.mark.parametrize(
-    "device_class", [simulated.SimulatedMaster, simulated.SimulatedSlave]
-)
+BOTH = [simulated.SimulatedMaster, simulated.SimulatedSlave]
+both = pytest.mark.parametrize("device_class", BOTH)
 
 
 def opened(device_class: type[Device], seed: int = 0, **fields: Any) -> Device:
@@ -69,9 +68,8 @@ def test_forces_written_ahead_act_when_they_are_due(
     expected = []
     for tick, (arm, actuator) in enumerate(forces):
         expected.append(at_once.read(tick * PERIOD))
-        at_once.write(
-            tick * PERIOD, arm_force=(arm, 0.0, -1.0), actuator_force=along_actuator(actuator)
-        )
+        along = along_actuator(actuator)
+        at_once.write(tick * PERIOD, arm_force=(arm, 0.0, -1.0), actuator_force=along)
     found = [ahead.read(0.0)]
     for tick, (arm, actuator) in enumerate(forces):
         due = tick * PERIOD
@@ -127,9 +125,8 @@ def test_how_long_it_stood_still_changes_no_bit(
     low = {"tool.height": 1e-4, "surface.roughness": 5e-6}
     known = schema(device_class.Parameters)
     values = {name: value for name, value in low.items() if name in known}
-    one, other = (
-        device_class(from_flat(device_class.Parameters, values), rate, 3) for _ in range(2)
-    )
+    parameters = from_flat(device_class.Parameters, values)
+    one, other = (device_class(parameters, rate, 3) for _ in range(2))
     for device in (one, other):
         device.open()
     assert answers(one, waiting, origin, rate) == answers(other, 0, 0.0, rate)
@@ -159,17 +156,13 @@ def test_writing_the_same_force_in_between_does_not_change_the_master(parts: lis
         device.write(0.0, arm_force=(0.2, 0.0, -0.5), actuator_force=along_actuator(0.4))
     for index in range(100):
         for part in parts:
-            busy.write(
-                (index + part) * PERIOD,
-                arm_force=(0.2, 0.0, -0.5),
-                actuator_force=along_actuator(0.4),
-            )
+            forces = {"arm_force": (0.2, 0.0, -0.5), "actuator_force": along_actuator(0.4)}
+            busy.write((index + part) * PERIOD, **forces)
         one, other = quiet.read((index + 1) * PERIOD), busy.read((index + 1) * PERIOD)
         assert other.position == pytest.approx(one.position, abs=1e-12)
         assert other.velocity == pytest.approx(one.velocity, abs=1e-12)
-        assert other.acceleration[ACTUATOR_AXIS] == pytest.approx(
-            one.acceleration[ACTUATOR_AXIS], abs=2e-3
-        )
+        expected = pytest.approx(one.acceleration[ACTUATOR_AXIS], abs=2e-3)
+        assert other.acceleration[ACTUATOR_AXIS] == expected
 
 
 @few
@@ -198,9 +191,8 @@ def test_a_force_acts_from_the_moment_it_is_written(part: float) -> None:
         "exploration.stroke_length": 0.001,
         "exploration.strokes": 1,
     }
-    device = simulated.SimulatedMaster(
-        from_flat(simulated.SimulatedMaster.Parameters, still), RATE, 0
-    )
+    parameters = from_flat(simulated.SimulatedMaster.Parameters, still)
+    device = simulated.SimulatedMaster(parameters, RATE, 0)
     device.open()
     read(device, 0, 10)
     device.write((9 + part) * PERIOD, arm_force=(1.0, 0.0, 0.0))
@@ -227,9 +219,7 @@ def test_a_slave_ignores_an_actuator_s_force() -> None:
 @both
 def test_a_command_that_is_no_number_gives_no_force(device_class: type[Device]) -> None:
     nan, zero = opened(device_class), opened(device_class)
-    nan.write(
-        0.0, arm_force=(math.nan, math.nan, math.nan), actuator_force=along_actuator(math.nan)
-    )
+    nan.write(0.0, arm_force=(math.nan,) * 3, actuator_force=along_actuator(math.nan))
     zero.write(0.0, arm_force=(0.0, 0.0, 0.0), actuator_force=along_actuator(0.0))
     assert read(nan, 0, 50) == read(zero, 0, 50)
 
@@ -265,17 +255,14 @@ def test_a_texture_adds_to_a_surface_and_a_wrong_one_is_refused(tmp_path: Path) 
     file = tmp_path / "mine.yaml"
     plane = {"speeds": np.array([0.0, 0.5, 0.0, 0.5]), "forces": np.array([0.0, 0.0, 5.0, 5.0])}
     lsf = np.tile(math.pi * np.array([1.0, 2.0]) / 3, (4, 1))  # those of white noise
-    write_texture(
-        file,
-        TextureModel("mine", RATE, lsf=lsf, deviation=np.array([0.0, 0.0, 0.0, 20.0]), **plane),
-    )
+    deviation = np.array([0.0, 0.0, 0.0, 20.0])
+    write_texture(file, TextureModel("mine", RATE, lsf=lsf, deviation=deviation, **plane))
 
     def stroked(device: Device) -> FloatArray:
         device.open()
         device.write(0.0, arm_force=(1.0, 0.0, -1.0))
-        return np.array(
-            [device.read(index / 1000).acceleration[ACTUATOR_AXIS] for index in range(300)]
-        )
+        samples = [device.read(index / 1000) for index in range(300)]
+        return np.array([sample.acceleration[ACTUATOR_AXIS] for sample in samples])
 
     smooth = simulated.SimulatedSlaveParameters()
     textured = dataclasses.replace(smooth, surface=SurfaceParameters(texture=str(file)))
@@ -297,9 +284,8 @@ def test_a_master_is_held_otherwise() -> None:
 
 
 def test_under_a_recording_the_surface_stays(recording: Path) -> None:
-    playing = simulated.SimulatedSlaveParameters(
-        recording=simulated.RecordingParameters(str(recording), rate=500.0, column="z")
-    )
+    played = simulated.RecordingParameters(str(recording), rate=500.0, column="z")
+    playing = simulated.SimulatedSlaveParameters(recording=played)
     device = simulated.SimulatedSlave(playing, RATE, 0)
     with pytest.raises(ParameterError, match="surface: cannot be changed while a recording"):
         device.change(dataclasses.replace(playing, surface=SurfaceParameters(friction=1.0)))
@@ -331,15 +317,13 @@ def recording(tmp_path: Path) -> Path:
 
 
 def test_a_slave_plays_a_recording_resampled(recording: Path) -> None:
-    parameters = simulated.SimulatedSlaveParameters(
-        recording=simulated.RecordingParameters(str(recording), rate=500.0, column="z")
-    )
+    played = simulated.RecordingParameters(str(recording), rate=500.0, column="z")
+    parameters = simulated.SimulatedSlaveParameters(recording=played)
     device = simulated.SimulatedSlave(parameters, RATE, 0)
     device.open()
     device.write(0.0, arm_force=(0.0, 0.0, 0.0))
-    acceleration = np.array(
-        [sample.acceleration[ACTUATOR_AXIS] for sample in read(device, 1, 8001)]
-    )
+    samples = read(device, 1, 8001)
+    acceleration = np.array([sample.acceleration[ACTUATOR_AXIS] for sample in samples])
     # Two seconds over and over, still a sine of 20 Hz. Where end and beginning fade into each
     # other with equal power, two sines in phase are up to sqrt(2) times as high.
     assert np.percentile(np.abs(acceleration), 90) == pytest.approx(2.96, rel=0.03)
@@ -360,9 +344,8 @@ def test_a_slave_plays_a_recording_of_three_axes(tmp_path: Path) -> None:
     # The begin is faded over the end, and the edges of the resampling ring.
     assert found[100:-150] == pytest.approx(expected[150:-150], abs=1e-2)
     recording = simulated.RecordingParameters(str(path), 1000.0, "ax,ay,az")
-    slave = opened(
-        simulated.SimulatedSlave, recording=recording, tool=ToolParameters(axes="x, y, z")
-    )
+    tool = ToolParameters(axes="x, y, z")
+    slave = opened(simulated.SimulatedSlave, recording=recording, tool=tool)
     slave.write(0.0, arm_force=(0.0, 0.0, 0.0))
     moved = [sample.acceleration for sample in read(slave, 1, 900)]
     assert np.array_equal(moved, simulated.played(recording, 1000.0)[:899])
@@ -370,10 +353,10 @@ def test_a_slave_plays_a_recording_of_three_axes(tmp_path: Path) -> None:
         opened(simulated.SimulatedSlave, recording=recording)
 
 
-@pytest.mark.parametrize(
-    ("file", "rate", "column"),
-    [("missing.csv", 500.0, "z"), ("recording.csv", 250.0, "z"), ("recording.csv", 500.0, "y")],
-)
+UNFIT = [("missing.csv", 500.0, "z"), ("recording.csv", 250.0, "z"), ("recording.csv", 500.0, "y")]
+
+
+@pytest.mark.parametrize(("file", "rate", "column"), UNFIT)
 def test_an_unusable_recording_is_refused_in_one_line(
     recording: Path, file: str, rate: float, column: str
 ) -> None:

@@ -12,7 +12,7 @@ import signal
 import subprocess
 import threading
 import time as clocks
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -37,10 +37,8 @@ from haptic_accel.devices.audio import (
 from haptic_accel.devices.interface import DeviceError, NoParameters
 from haptic_accel.setup.node_parameters import build_device, build_parameters
 from nightly import rest_slow
-from running import Command, nodes_of, wait_until
+from running import Start, nodes_of, wait_until
 from sound_cards import SOUND_RIG, sound_world
-
-Start = Callable[..., Command]
 
 
 @settings(max_examples=10)
@@ -86,23 +84,16 @@ def test_an_answer_is_found_after_its_delay_and_silence_is_none() -> None:
 @pytest.mark.parametrize(
     ("given", "refused"),
     [
-        (
-            {"inputs": "1, 2", "scales": "1 1"},
-            "audio.inputs = '1, 2': must be one channel, or three",
-        ),
-        (
-            {"inputs": "1, x", "scales": "1"},
-            "audio.inputs = '1, x': must be different whole numbers",
-        ),
+        ({"inputs": "1, 2", "scales": "1 1"}, "audio.inputs = '1, 2': must be one channel, or"),
+        ({"inputs": "1, x", "scales": "1"}, "audio.inputs = '1, x': must be different whole"),
         ({}, "audio.scales = '': must be the acceleration at full scale"),
         ({"scales": "1, 2"}, "audio.scales"),
     ],
 )
 def test_wrong_inputs_are_refused(given: dict[str, Any], refused: str) -> None:
+    arm = sound_bench.NoArm(NoParameters(), 1e3, 0)
     with pytest.raises(ParameterError, match=re.escape(refused)):
-        sound_bench.CardAccelerometer(
-            InputParameters(**given), 1000.0, sound_bench.NoArm(NoParameters(), 1e3, 0), False
-        )
+        sound_bench.CardAccelerometer(InputParameters(**given), 1000.0, arm, False)
 
 
 def sensor_on(card: PortAudio, patched: pytest.MonkeyPatch, kind: type = InputParameters) -> Any:
@@ -112,9 +103,10 @@ def sensor_on(card: PortAudio, patched: pytest.MonkeyPatch, kind: type = InputPa
     return sound_bench.CardAccelerometer(kind(scales="100"), 1000.0, arm, to_base_axes=False)
 
 
-@pytest.mark.parametrize(
-    ("hears", "is_refused"), [(1.0, True), (-0.4, True), (0.1, False), (0.0, False)]
-)
+HEARD = [(1.0, True), (-0.4, True), (0.1, False), (0.0, False)]
+
+
+@pytest.mark.parametrize(("hears", "is_refused"), HEARD)
 @pytest.mark.parametrize("is_first", [True, False])
 def test_a_tool_that_answers_the_coil_is_refused(
     hears: float, is_refused: bool, is_first: bool, monkeypatch: pytest.MonkeyPatch
@@ -228,9 +220,7 @@ def test_a_card_whose_server_is_gone_holds_nothing_up(monkeypatch: pytest.Monkey
 
 def test_no_arm_without_accelerometers_is_refused() -> None:
     own, options = build_parameters("slave_device", {"device": "none"})
-    with pytest.raises(
-        ParameterError, match="device = none: must come with accelerometers:=audio"
-    ):
+    with pytest.raises(ParameterError, match="device = none: must come with accelerometers"):
         build_device("slave_device", own, options)
 
 

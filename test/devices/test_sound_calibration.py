@@ -38,18 +38,15 @@ def shaking(seed: int = 1) -> FloatArray:
 
 def ac_coupled(acceleration: FloatArray) -> FloatArray:
     """Return what an input passes whose first-order corner is at 10 Hz."""
-    return np.asarray(
-        signal.sosfilt(signal.butter(1, 10.0, "high", fs=RATE, output="sos"), acceleration)
-    )
+    high_pass = signal.butter(1, 10.0, "high", fs=RATE, output="sos")
+    return np.asarray(signal.sosfilt(high_pass, acceleration))
 
 
 @given(st.floats(20.0, 2000.0), st.booleans(), st.floats(-0.2, 0.2))
 def test_gravity_gives_scale_and_polarity(size: float, is_swapped: bool, offset: float) -> None:
     scale = -size if is_swapped else size
-    up, down = (
-        (sign * GRAVITY + noise(seed, seconds=1)) / scale + offset
-        for seed, sign in ((1, 1), (2, -1))
-    )
+    gravity = ((sign * GRAVITY + noise(seed, seconds=1)) for seed, sign in ((1, 1), (2, -1)))
+    up, down = (each / scale + offset for each in gravity)
     found = sound_calibration.by_gravity(up, down, "input 1")
     assert found.scale == pytest.approx(scale, rel=1e-3)
     assert found.noise == pytest.approx(NOISE, rel=0.05)
@@ -63,9 +60,8 @@ def test_an_ac_coupled_input_is_named() -> None:
 @pytest.mark.parametrize("scale", [80.0, -400.0])
 def test_a_sensor_beside_a_calibrated_one_has_its_scale_and_polarity(scale: float) -> None:
     moved = shaking()
-    found = sound_calibration.by_reference(
-        (ac_coupled(moved) + noise(2)) / scale, noise(3) / scale, moved + noise(4), RATE, "input 2"
-    )
+    own, rest, other = (ac_coupled(moved) + noise(2)) / scale, noise(3) / scale, moved + noise(4)
+    found = sound_calibration.by_reference(own, rest, other, RATE, "input 2")
     assert found.scale == pytest.approx(scale, rel=0.01)
     assert abs(found.scale - scale) < 4 * found.scale_error + 0.01 * abs(scale)
     assert found.noise == pytest.approx(NOISE, rel=0.05)
@@ -84,9 +80,8 @@ def test_a_known_force_on_a_known_mass_gives_the_scale_whatever_the_delay(
     scale: float, delay: int
 ) -> None:
     force, response = forced(scale, delay)
-    found = sound_calibration.by_force(
-        force, response + noise(2) / scale, noise(3) / scale, RATE, MASS, "input 1"
-    )
+    own, rest = response + noise(2) / scale, noise(3) / scale
+    found = sound_calibration.by_force(force, own, rest, RATE, MASS, "input 1")
     assert found.scale == pytest.approx(scale, rel=0.01)
 
 
@@ -100,10 +95,9 @@ def test_an_automatic_gain_is_refused() -> None:
 def test_a_mass_that_resonates_is_refused() -> None:
     force, response = forced(80.0, 128)
     mode = signal.iirpeak(150.0, 3.0, fs=RATE)
+    distorted = signal.lfilter(*mode, response)
     with pytest.raises(CalibrationError, match="input 1: its (gain changes|phase)"):
-        sound_calibration.by_force(
-            force, signal.lfilter(*mode, response), noise(3), RATE, MASS, "input 1"
-        )
+        sound_calibration.by_force(force, distorted, noise(3), RATE, MASS, "input 1")
 
 
 def test_the_input_of_another_sensor_is_named() -> None:

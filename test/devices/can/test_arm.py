@@ -126,9 +126,10 @@ def test_a_heartbeat_of_before_does_not_count() -> None:
     assert bench.arm.state is State.ARMING
 
 
-@pytest.mark.parametrize(
-    ("error", "fault"), [(DRV_FAULT, "DRV_FAULT"), (0, "is not in closed loop but in IDLE")]
-)
+DISOBEDIENT = [(DRV_FAULT, "DRV_FAULT"), (0, "is not in closed loop but in IDLE")]
+
+
+@pytest.mark.parametrize(("error", "fault"), DISOBEDIENT)
 def test_an_axis_that_does_not_obey_is_named(error: int, fault: str) -> None:
     bench = Bench(start_timeout=0.6)
     bench.obedient = False
@@ -207,12 +208,10 @@ def test_a_force_that_is_no_number_is_none(bad: float) -> None:
 
 def test_gear_direction_and_offset_count() -> None:
     plain = Bench(kinematics="stage").armed()
-    geared = Bench(
-        kinematics="stage", joint1__gear_ratio=5.0, joint1__direction=-1, joint1__offset=0.0
-    ).armed()
-    assert geared.push(0.0, 0.0, 2.0) == pytest.approx(
-        [-torque / 5 for torque in plain.push(0.0, 0.0, 2.0)]
-    )
+    gear = {"joint1__gear_ratio": 5.0, "joint1__direction": -1, "joint1__offset": 0.0}
+    geared = Bench(kinematics="stage", **gear).armed()
+    expected = [-torque / 5 for torque in plain.push(0.0, 0.0, 2.0)]
+    assert geared.push(0.0, 0.0, 2.0) == pytest.approx(expected)
     for bench, turns in ((plain, 1.0), (geared, -5.0)):
         bench.now += 1.0  # turned there meanwhile
         bench.arm.receive(protocol.Estimates(0, turns, turns).frame(), bench.now)
@@ -382,13 +381,11 @@ changed = st.builds(
     heartbeats | estimates,
     mutated(estimates.map(lambda frame: frame.data), st.binary(max_size=3)),
 )
-anything = st.builds(
-    protocol.Frame, st.integers(0, 0x7FF), st.binary(max_size=8), remote=st.booleans()
-)
+ids, payloads = st.integers(0, 0x7FF), st.binary(max_size=8)
+anything = st.builds(protocol.Frame, ids, payloads, remote=st.booleans())
 passing = st.sampled_from([0.0, 1e-4, 1e-3, 1e-3, 0.06, 0.4])
-traffic = st.lists(
-    st.tuples(st.one_of(heartbeats, estimates, changed, anything), passing, force), max_size=20
-)
+frames = st.one_of(heartbeats, estimates, changed, anything)
+traffic = st.lists(st.tuples(frames, passing, force), max_size=20)
 
 
 @fuzz

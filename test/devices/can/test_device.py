@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +24,7 @@ from haptic_accel.devices.can.device import (
 from haptic_accel.devices.can.parameters import CanMasterParameters, CanParameters
 from haptic_accel.devices.can.protocol import Frame
 from haptic_accel.devices.interface import DeviceError
+from running import python
 
 
 @pytest.fixture(autouse=True)
@@ -38,24 +37,16 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_parameters_are_enough() -> None:
-    parameters = CanParameters(
-        interface="virtual", channel="a", bitrate=500_000, options='{"rx_queue_size": 7}'
-    )
+    given = {"interface": "virtual", "channel": "a", "bitrate": 500_000}
+    parameters = CanParameters(**given, options='{"rx_queue_size": 7}')
     configuration = bus_configuration(parameters)
-    assert configuration == {
-        "interface": "virtual",
-        "channel": "a",
-        "bitrate": 500_000,
-        "rx_queue_size": 7,
-    }
+    assert configuration == {**given, "rx_queue_size": 7}
     assert bitrate_of(configuration) == 500e3
 
 
 def test_python_can_s_own_file_is_respected_with_a_section_for_each_arm(home: Path) -> None:
-    (home / ".canrc").write_text(
-        "[default]\ninterface = virtual\nchannel = shared\nbitrate = 250000\n"
-        "[master]\nchannel = own\n"
-    )
+    shared = "[default]\ninterface = virtual\nchannel = shared\nbitrate = 250000\n"
+    (home / ".canrc").write_text(f"{shared}[master]\nchannel = own\n")
     assert bus_configuration(CanParameters())["channel"] == "shared"
     configuration = bus_configuration(CanMasterParameters())
     assert configuration["channel"] == "own"
@@ -77,27 +68,19 @@ def test_so_is_its_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     assert bitrate_of(configuration) == DEFAULT_BITRATE
 
 
+def bus(interface: str, channel: str) -> dict[str, str]:
+    return {"interface": interface, "channel": channel}
+
+
 WRONG: dict[str, tuple[dict[str, Any], type[Exception], str]] = {
     "none": ({}, ParameterError, "can.interface = '.*: must be one of .*virtual"),
     "unknown": ({"interface": "tin"}, ParameterError, "can.interface = 'tin': must be one of"),
     "no channel": ({"interface": "slcan"}, ParameterError, "can.channel = ''"),
-    "missing channel": (
-        {"interface": "slcan", "channel": "/dev/nothing"},
-        DeviceError,
-        "can: slcan /dev/nothing: there is no such channel",
-    ),
-    "no adapter": (
-        {"interface": "slcan", "channel": "/dev/null"},
-        DeviceError,
-        "can: slcan /dev/null: Could not configure port",
-    ),
-    "no driver": ({"interface": "vector", "channel": "0"}, DeviceError, "its driver is missing"),
+    "missing channel": (bus("slcan", "/dev/none"), DeviceError, "can: slcan /dev/none: there is"),
+    "no adapter": (bus("slcan", "/dev/null"), DeviceError, "can: slcan /dev/null: Could not con"),
+    "no driver": (bus("vector", "0"), DeviceError, "its driver is missing"),
     # Without CAN in the kernel the driver is what is missing, with it the channel.
-    "no interface": (
-        {"interface": "socketcan", "channel": "can77"},
-        DeviceError,
-        "can: socketcan can77: (its driver is missing|there is no such channel)",
-    ),
+    "no interface": (bus("socketcan", "can77"), DeviceError, "socketcan can77: (its dr|there is)"),
 }
 
 
@@ -124,10 +107,8 @@ def test_ids_are_standard_and_only_an_arm_s_own_frames_come() -> None:
         for frame in (Frame(0x21, b"1"), Frame(0x41, b"2"), Frame(0x49, remote=True)):
             bus.send(message_of(frame))
         found = [arm.recv(1.0), arm.recv(1.0)]
-        assert [message and frame_of(message) for message in found] == [
-            Frame(0x41, b"2"),
-            Frame(0x49, remote=True),
-        ]
+        expected = [Frame(0x41, b"2"), Frame(0x49, remote=True)]
+        assert [message and frame_of(message) for message in found] == expected
         assert not any(message.is_extended_id for message in found if message)
         assert arm.recv(0.0) is None
     finally:
@@ -144,8 +125,6 @@ def test_the_package_needs_no_python_can_until_a_bus_is_opened() -> None:
         "except Exception as error: print(type(error).__name__, error)\n"
         "device.close()"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=False
-    )
+    done = python("-c", script)
     assert done.stdout.startswith("DeviceError can: python-can is not installed: pip install")
     assert done.stderr == ""

@@ -62,9 +62,8 @@ def test_bytes_are_those_of_the_firmware() -> None:
     assert EstimatesRequest(4).frame() == (0x89, b"", True)
 
 
-reports = st.builds(Heartbeat, nodes, words, st.integers(0, 255)) | st.builds(
-    Estimates, nodes, singles, singles
-)
+measured = st.builds(Estimates, nodes, singles, singles)
+reports = st.builds(Heartbeat, nodes, words, st.integers(0, 255)) | measured
 orders = st.one_of(
     st.builds(SetTorque, nodes, st.floats(-LARGEST_TORQUE, LARGEST_TORQUE, width=32)),
     st.builds(SetState, nodes, st.sampled_from(AxisState)),

@@ -9,7 +9,7 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import DeviceError
 from haptic_accel.devices.crtk.device import CrtkArm, CrtkParameters
 from observing import Observer
-from running import PATIENCE, Command, wait_until
+from running import PATIENCE, Command, Start, wait_until
 
 NAMESPACE = "/somebody/slave"
 
@@ -39,17 +39,16 @@ NONE = (0.0, 0.0)
 def forces(observer: Observer) -> list[tuple[float, float]]:
     """Return the list in which the arm's forces along x and z, N, are gathered."""
     acting: list[tuple[float, float]] = []
-    observer.node.create_subscription(
-        WrenchStamped,
-        f"{NAMESPACE}/measured_cf",
-        lambda sent: acting.append((sent.wrench.force.x, sent.wrench.force.z)),
-        10,
-    )
+
+    def keep(sent: WrenchStamped) -> None:
+        acting.append((sent.wrench.force.x, sent.wrench.force.z))
+
+    observer.node.create_subscription(WrenchStamped, f"{NAMESPACE}/measured_cf", keep, 10)
     return acting
 
 
 @pytest.fixture
-def somebody(start: Callable[..., Command]) -> Command:
+def somebody(start: Start) -> Command:
     """Start the node of another's arm."""
     return start("-m", "haptic_accel.nodes.slave_device", "--ros-args", "-r", "__ns:=/somebody")
 
@@ -120,13 +119,8 @@ def test_a_pose_of_another_time_or_of_no_place_is_no_sample(pose: dict[str, floa
     arm = built(start_timeout=60.0)
     arm.open()
     far = "stamps differ from now by more than 0.1 s"
-    for wrong, reason in (
-        ({"stamp": time.time()}, far),
-        ({"lag": 1.0}, far),
-        ({"lag": -1.0}, far),
-        ({"stamp": 1e-9}, far),
-        ({"x": math.nan}, "values are not finite"),
-    ):
+    others = ({"stamp": time.time()}, {"lag": 1.0}, {"lag": -1.0}, {"stamp": 1e-9})
+    for wrong, reason in (*((each, far) for each in others), ({"x": math.nan}, "not finite")):
         wait_until(lambda: arm.read(0.0) is not None, "a sample")
         refused = arm.counters()["poses refused"]
         pose.update(wrong)
@@ -150,7 +144,7 @@ def test_a_pose_that_waited_for_its_reader_is_not_refused(pose: dict[str, float]
     arm.close()
 
 
-def test_an_arm_is_enabled_when_it_is_opened(start: Callable[..., Command]) -> None:
+def test_an_arm_is_enabled_when_it_is_opened(start: Start) -> None:
     pytest.importorskip("crtk_msgs.msg")
     words = ("-r", "__ns:=/somebody", "-p", "autostart:=false")
     start("-m", "haptic_accel.nodes.slave_device", "--ros-args", *words)
@@ -183,7 +177,7 @@ def test_a_name_that_ros_would_refuse_is_refused(wrong: dict[str, str], said: st
 
 
 def test_the_graph_couples_an_arm_of_somebody_else(
-    somebody: Command, haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
+    somebody: Command, haptic_accel: Start, observer: Observer, tmp_path: Path
 ) -> None:
     values = f"{{namespace: {NAMESPACE}, start_timeout: 60.0, timeout: 1.0}}"
     file = tmp_path / "arm.yaml"

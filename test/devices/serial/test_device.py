@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
-import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -19,6 +17,7 @@ from haptic_accel.core.parameters import ParameterError, from_flat
 from haptic_accel.devices import DeviceError
 from haptic_accel.devices.serial.device import SerialDevice, SerialMaster, SerialSlave
 from haptic_accel.devices.serial.protocol import Decoder, Frame, encode
+from running import python
 
 
 def built(kind: type[SerialDevice], **values: Any) -> SerialDevice:
@@ -35,7 +34,7 @@ def test_the_package_does_without_the_libraries_until_a_port_is_opened() -> None
         "try: kind(kind.Parameters(port='/dev/null'), 1000.0, 0).open()\n"
         "except DeviceError as error: print(error)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = python("-c", code, check=True)
     assert done.stdout == "serial: needs pyserial and cobs: pip install 'haptic_accel[serial]'\n"
 
 
@@ -81,11 +80,8 @@ def test_another_version_of_the_protocol_is_told_with_what_to_flash() -> None:
 
     thread = threading.Thread(target=answer)
     thread.start()
-    with pytest.raises(DeviceError) as raised:
+    with pytest.raises(DeviceError, match=": speaks version 1 .*, must be 3: flash firm"):
         device.open()
-    assert str(raised.value).partition(": ")[2] == (
-        "speaks version 1 of the protocol, must be 3: flash firmware 3.0.0 (firmware/README.md)"
-    )
     os.close(terminal)
     thread.join()
     os.close(master)
@@ -110,10 +106,7 @@ def test_parameters_that_cannot_be_are_named(values: dict[str, Any], named: str)
     [
         ({"axes": "z y"}, "axes = z, y: must be some of x, y, z"),
         ({"coil_mounting": "1 0 0"}, "serial.coil_mounting = '1 0 0': must be 9 finite numbers"),
-        (
-            {"coil_mounting": "1 0 0, 1 0 0, 0 0 1"},
-            "serial.coil_mounting: axes that are not orthogonal enough",
-        ),
+        ({"coil_mounting": "1 0 0, 1 0 0, 0 0 1"}, "serial.coil_mounting: axes that are not ort"),
         ({"calibration__mounting": "a"}, "serial.calibration.mounting = 'a': must be 9 finite"),
         ({"calibration__gains": "1 nan 1"}, "serial.calibration.gains = '1 nan 1': must be 3"),
         ({"calibration__offsets": "1"}, "serial.calibration.offsets = '1': must be 3 finite"),

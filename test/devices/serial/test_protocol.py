@@ -68,6 +68,9 @@ def samples(draw: st.DrawFn) -> Samples:
     return Samples(draw(count), axes, tuple(values))
 
 
+currents = st.tuples(*[st.just(0.0) | single] * 3)
+serial_numbers = st.text(st.characters(min_codepoint=33, max_codepoint=126), max_size=16)
+
 messages: st.SearchStrategy[Message] = st.one_of(
     st.builds(Identify),
     st.builds(ArmRequest),
@@ -77,15 +80,7 @@ messages: st.SearchStrategy[Message] = st.one_of(
     st.builds(Align, count, count),
     st.builds(Configure, word, byte, byte),
     st.builds(Configuration, word, byte, byte),
-    st.builds(
-        Identity,
-        st.tuples(byte, byte, byte),
-        byte,
-        word,
-        single,
-        st.tuples(*[st.just(0.0) | single] * 3),
-        st.text(st.characters(min_codepoint=33, max_codepoint=126), max_size=16),
-    ),
+    st.builds(Identity, st.tuples(byte, byte, byte), byte, word, single, currents, serial_numbers),
     samples(),
     st.builds(Status, st.sampled_from(State), coils, *[count] * 8),
     st.builds(Error, st.sampled_from(ErrorCode), byte, word),
@@ -176,9 +171,8 @@ def test_any_payload_means_something_or_is_refused(
     version: int, kind: int, data: st.DataObject
 ) -> None:
     layout = MESSAGES[kind].size(data.draw(st.integers(0, 4))) if kind in MESSAGES else 0
-    payload = data.draw(
-        st.binary(min_size=layout, max_size=layout) | st.binary(max_size=LONGEST_PAYLOAD)
-    )
+    right = st.binary(min_size=layout, max_size=layout)
+    payload = data.draw(right | st.binary(max_size=LONGEST_PAYLOAD))
     frame = Frame(version, kind, 0, 0, payload)
     try:
         message = read_message(frame)
@@ -198,10 +192,10 @@ def test_a_serial_number_that_cannot_be_printed_is_refused(number: str) -> None:
         read_message(Frame(VERSION, FrameType.IDENTITY, 0, 0, identity.pack()))
 
 
-@pytest.mark.parametrize(
-    ("sequences", "lost"),
-    [([0, 1, 2], 0), ([5, 8], 2), ([65_535, 0], 0), ([65_534, 1], 2), ([700, 0], 0), ([3], 0)],
-)
+LOST = [([0, 1, 2], 0), ([5, 8], 2), ([65_535, 0], 0), ([65_534, 1], 2), ([700, 0], 0), ([3], 0)]
+
+
+@pytest.mark.parametrize(("sequences", "lost"), LOST)
 def test_missing_frames_are_counted(sequences: Sequence[int], lost: int) -> None:
     decoder = Decoder()
     for sequence in sequences:
