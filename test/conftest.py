@@ -22,7 +22,7 @@ from hypothesis import HealthCheck, settings
 
 from haptic_accel.core.process import module_command
 from haptic_accel.core.tick import COMPILED, TICK
-from running import Command, MachineStoodStillError, StallWatch
+from running import Command, MachineStoodStillError, StallWatch, Start
 from sharing import own_domain
 from terminals import Terminal
 from untouched_parts import CORE
@@ -240,7 +240,7 @@ def domain() -> Iterator[int]:
 
 
 @pytest.fixture
-def start(tmp_path: Path, domain: int) -> Iterator[Callable[..., Command]]:
+def start(tmp_path: Path, domain: int) -> Iterator[Start]:
     """Start ``python WORDS`` in an empty folder; ended with the test, and with it its nodes."""
     commands: list[Command] = []
 
@@ -256,7 +256,7 @@ def start(tmp_path: Path, domain: int) -> Iterator[Callable[..., Command]]:
 
 
 @pytest.fixture
-def haptic_accel(start: Callable[..., Command]) -> Callable[..., Command]:
+def haptic_accel(start: Start) -> Start:
     """Start ``haptic-accel WORDS`` as the console script does."""
     _, *main = module_command("haptic_accel.cli.main")
     return lambda *words: start(*main, *words)

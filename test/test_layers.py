@@ -11,14 +11,14 @@ from __future__ import annotations
 import ast
 import json
 import re
-import subprocess
-import sys
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+
+from running import python
 
 PACKAGE = "haptic_accel"
 SOURCE = Path(__file__).resolve().parents[1] / PACKAGE
@@ -232,16 +232,14 @@ def test_only_kits_import_the_names_of_the_root() -> None:
         if not within(module, f"{PACKAGE}.kits"):
             for node in nodes(module):
                 if isinstance(node, ast.ImportFrom) and node.module == PACKAGE:
-                    folders = {
-                        each.name for each in node.names if f"{PACKAGE}.{each.name}" in MODULES
-                    }
+                    names = [each.name for each in node.names]
+                    folders = {name for name in names if f"{PACKAGE}.{name}" in MODULES}
                     assert {each.name for each in node.names} <= LOADING | folders, module
 
 
 def closes_a_circle(pair: Import) -> bool:
-    return pair[0] in MODULES and any(
-        circles(arrows(folder, KNOWN - {pair})) for folder in FOLDERS if within(pair[0], folder)
-    )
+    own = (folder for folder in FOLDERS if within(pair[0], folder))
+    return pair[0] in MODULES and any(circles(arrows(each, KNOWN - {pair})) for each in own)
 
 
 def test_no_exception_is_out_of_date() -> None:
@@ -271,9 +269,7 @@ def test_files_and_folders_of_a_folder_make_no_circle(folder: str) -> None:
 def loaded_by(statements: str) -> set[str]:
     """Return the modules that a fresh Python has loaded after it ran some statements."""
     script = f"import json, os, sys\n{statements}\nprint(json.dumps(sorted(sys.modules)))"
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=False
-    )
+    done = python("-c", script)
     assert done.returncode == 0, done.stderr
     return set(json.loads(done.stdout.splitlines()[-1]))
 
@@ -301,10 +297,11 @@ def test_the_package_alone_loads_nothing_else() -> None:
     assert {name for name in loaded if within(name, PACKAGE)} == {PACKAGE}
 
 
+OF_GRAPH = ["setup.processes", "nodes.master_device", "nodes.coupler", "nodes.recorder"]
+
+
 @pytest.mark.skipif(find_spec("rclpy") is None, reason="ROS 2 is not installed")
-@pytest.mark.parametrize(
-    "module", ["setup.processes", "nodes.master_device", "nodes.coupler", "nodes.recorder"]
-)
+@pytest.mark.parametrize("module", OF_GRAPH)
 def test_a_graph_starts_without_what_takes_long_to_load(module: str) -> None:
     loaded = loaded_by(f"import {PACKAGE}.{module}")
     assert loaded & {"scipy.signal", "scipy.stats", "scipy.optimize", "pandas"} == set()

@@ -26,50 +26,25 @@ from packaging.specifiers import SpecifierSet
 from haptic_accel import __version__
 from haptic_accel.bags import NO_ROSBAGS, OF_ROSBAGS
 from haptic_accel.core.outside import node_module
+from running import python
 
 SOURCE = Path(__file__).resolve().parents[1]
 NODES = (
-    "master_device",
-    "slave_device",
-    "coupler",
-    "compensator",
-    "recorder",
-    "identifier",
-    "restamper",
-    "scope",
-    "link",
+    *("master_device", "slave_device", "coupler", "compensator", "recorder", "identifier"),
+    *("restamper", "scope", "link"),
 )
 
+SAME = ("aiohttp", "click", "jinja2", "matplotlib", "numpy", "pandas", "rich", "scipy", "yaml")
 ROSDEP_KEYS = {
-    "aiohttp": "python3-aiohttp",
-    "click": "python3-click",
-    "jinja2": "python3-jinja2",
+    **{module: f"python3-{module}" for module in SAME},
     "contourpy": "python3-matplotlib",  # needs it
-    "matplotlib": "python3-matplotlib",
-    "numpy": "python3-numpy",
-    "pandas": "python3-pandas",
-    "rich": "python3-rich",
     "ruamel": "python3-ruamel.yaml",
-    "scipy": "python3-scipy",
-    "yaml": "python3-yaml",
 }
 """Key of each module that is no ROS package; a ROS package's key is its name."""
 
 OPTIONAL = {
-    "can",
-    "cobs",
-    "cryptography",
-    "distributed",
-    "h5py",
-    "mujoco",
-    "PIL",
-    "psutil",
-    "pyarrow",
-    "serial",
-    "sounddevice",
-    "trimesh",
-    "zenoh",
-    *OF_ROSBAGS,
+    *("can", "cobs", "cryptography", "distributed", "h5py", "mujoco", "PIL", "psutil"),
+    *("pyarrow", "serial", "sounddevice", "trimesh", "zenoh", *OF_ROSBAGS),
 }
 """Modules of extras, and those that have no key, or one for pip, which Ubuntu 24.04 refuses; their
 absence is said."""
@@ -133,16 +108,15 @@ def test_executable_is_where_ros2_run_looks(installation: Installation, name: st
 
 
 def test_ament_index_finds_the_package(installation: Installation) -> None:
-    script = (
-        "from ament_index_python.packages import get_package_prefix;"
-        "print(get_package_prefix('haptic_accel'))"
-    )
+    script = "from ament_index_python import packages as found;"
+    script += "print(found.get_package_prefix('haptic_accel'))"
     assert installation.run(sys.executable, "-c", script).strip() == str(installation.prefix)
 
 
-@pytest.mark.parametrize(
-    "folder", ["launch", "config", "haptic_accel/pages/templates", "haptic_accel/pages/assets"]
-)
+INSTALLED = ["launch", "config", "haptic_accel/pages/templates", "haptic_accel/pages/assets"]
+
+
+@pytest.mark.parametrize("folder", INSTALLED)
 def test_every_file_of_a_folder_is_installed(installation: Installation, folder: str) -> None:
     place = installation.code.parent if folder.startswith("hap") else installation.share
     assert contents(place / folder) == contents(SOURCE / folder) != {}
@@ -168,9 +142,8 @@ def test_installed_code_reads_the_installed_files(installation: Installation) ->
 
 @pytest.mark.parametrize("words", [["--help"], ["teleop", "--help"]])
 def test_installed_command_runs(installation: Installation, words: list[str]) -> None:
-    assert "Usage: haptic-accel" in installation.run(
-        installation.executables / "haptic-accel", *words
-    )
+    executable = installation.executables / "haptic-accel"
+    assert "Usage: haptic-accel" in installation.run(executable, *words)
 
 
 def test_this_command_alone_is_on_the_path_of_a_sourced_workspace(
@@ -211,9 +184,7 @@ def requirements(only: str = "") -> dict[str, SpecifierSet]:
 
     These are those of one extra, or of all.
     """
-    show = (
-        "lambda **given: print(json.dumps([given['install_requires'], given['extras_require']]))"
-    )
+    show = "lambda **own: print(json.dumps([own['install_requires'], own['extras_require']]))"
     code = f"import json, setuptools; setuptools.setup = {show}; exec(open('setup.py').read())"
     required, optional = json.loads(run([sys.executable, "-c", code], plain_environment(), SOURCE))
     of_users = [own for name, own in optional.items() if (name == only if only else name != "dev")]
@@ -265,9 +236,7 @@ def test_every_import_is_a_dependency(manifest: Package) -> None:
 def without(modules: tuple[str, ...], code: str) -> subprocess.CompletedProcess[str]:
     """Run code in a Python that lacks some modules."""
     hidden = f"import sys; sys.modules.update(dict.fromkeys({modules}))"
-    return subprocess.run(
-        [sys.executable, "-c", f"{hidden}; {code}"], capture_output=True, text=True, check=False
-    )
+    return python("-c", f"{hidden}; {code}")
 
 
 ANALYSIS = ("matplotlib", "pandas")
@@ -285,9 +254,10 @@ def test_the_graph_runs_without_rosbags_and_analysis() -> None:
     assert (done.stdout, done.stderr) == ("4\n", "")
 
 
-@pytest.mark.parametrize(
-    ("words", "status"), [(["bag", "info", "bag"], 1), (["teleop", "duration:=1"], 2)]
-)
+NEED_ROSBAGS = [(["bag", "info", "bag"], 1), (["teleop", "duration:=1"], 2)]
+
+
+@pytest.mark.parametrize(("words", "status"), NEED_ROSBAGS)
 def test_what_needs_rosbags_says_so(words: list[str], status: int) -> None:
     done = without(OF_ROSBAGS, f"from haptic_accel.cli.main import main; main({words})")
     assert done.returncode == status

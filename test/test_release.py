@@ -35,12 +35,8 @@ def test_the_workflow_runs_the_same_checks_on_the_same_pythons() -> None:
     jobs = yaml.safe_load((SOURCE / ".github/workflows/ci.yml").read_text())["jobs"]
     assert any(step.get("run", "").endswith(".ci/run") for step in jobs["linux"]["steps"])
     assert jobs["without_ros"]["strategy"]["matrix"]["python"] == pythons()
-    files = [
-        word
-        for step in jobs["without_ros"]["steps"]
-        for word in step.get("run", "").split()
-        if word.startswith("test/")
-    ]
+    runs = [step.get("run", "") for step in jobs["without_ros"]["steps"]]
+    files = [word for each in runs for word in each.split() if word.startswith("test/")]
     assert files
     assert all((SOURCE / file).is_file() for file in files)
 

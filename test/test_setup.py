@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from running import python
+
 SOURCE = Path(__file__).resolve().parents[1]
 
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
@@ -73,13 +75,7 @@ def test_an_installation_says_what_pip_is_doing_and_ends_as_pip_does(tmp_path: P
     (program,) = re.findall(
         r"^define INSTALL\n(.*?)^endef", (SOURCE / "Makefile").read_text(), re.M | re.S
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program, ".[dev]", "0"],
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = python("-c", program, ".[dev]", "0", env=os.environ | {"PYTHONPATH": str(tmp_path)})
     collecting, installing = done.stdout.splitlines()
     assert (done.returncode, collecting) == (3, "  Collecting numpy>=1.26")
     assert installing.startswith("  Installing collected packages: numpy, ")

@@ -14,14 +14,13 @@ from typing import Any
 import pytest
 from hostile_connections import KINDS
 
-from running import Command, ended_one_by_one, nodes_of
+from running import Command, Start, ended_one_by_one, nodes_of
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
 
 BURSTS = 48
 """Bursts: of these, 14 to 20 had an effect while the present number of publishers decided."""
 
-Start = Callable[..., Command]
 Measured = Callable[..., tuple[Command, Any]]
 
 

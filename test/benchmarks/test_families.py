@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,25 +14,20 @@ import pytest
 from families import FAMILIES, RATE, Task, families, progress, run_member, summary
 
 from haptic_accel.cli.main import run
-from running import Command
+from running import Start
 
 SCRIPT = Path(__file__).resolve().parents[2] / "benchmarks" / "families.py"
 
 
 @pytest.mark.quiet
 @pytest.mark.slow
-def test_one_half_is_told_and_the_other_is_counted(
-    start: Callable[..., Command], tmp_path: Path
-) -> None:
+def test_one_half_is_told_and_the_other_is_counted(start: Start, tmp_path: Path) -> None:
     time = np.arange(8000) / RATE
     (tmp_path / "logged").mkdir()
+    sine = np.sin(2 * np.pi * 100 * time)
     for name in "ab":
-        np.savetxt(
-            tmp_path / "logged" / f"{name}.csv",
-            np.sin(2 * np.pi * 100 * time),
-            header="acceleration",
-            comments="",
-        )
+        file = tmp_path / "logged" / f"{name}.csv"
+        np.savetxt(file, sine, header="acceleration", comments="")
     command = start(
         SCRIPT,
         *("strange", "recordings", "--recordings", "logged", "--recording-rate", "1000"),
@@ -41,11 +35,8 @@ def test_one_half_is_told_and_the_other_is_counted(
     )
     assert command.end() == 0, command.text
     figures = json.loads((tmp_path / "figures.json").read_text())
-    assert {(row["family"], row["rig"]) for row in figures["rows"]} == {
-        ("strange", "ideal"),
-        ("recordings", "ideal"),
-        ("recordings", "paper"),
-    }
+    found = {(row["family"], row["rig"]) for row in figures["rows"]}
+    assert found == {("strange", "ideal"), ("recordings", "ideal"), ("recordings", "paper")}
     assert all(row["reported"] for row in figures["rows"])
     counted = {line["members of"]: line["members"] for line in figures["summary"]}
     assert counted["recordings, paper, hidden"] == counted["recordings, paper, reported"] == 1
@@ -59,10 +50,8 @@ def test_every_kind_is_in_both_halves_and_another_seed_gives_others(family: str)
     halves = [[each.kind for each in found if each.reported == half] for half in (False, True)]
     assert halves[0] == halves[1]
     assert [each.kind for each in other] == [each.kind for each in found]
-    assert any(
-        one.name != two.name or one.grips != two.grips
-        for one, two in zip(found, other, strict=True)
-    )
+    both = zip(found, other, strict=True)
+    assert any(one.name != two.name or one.grips != two.grips for one, two in both)
 
 
 def test_the_force_after_silence_is_seen_and_what_is_wrong_is_named() -> None:
@@ -78,12 +67,8 @@ def test_the_force_after_silence_is_seen_and_what_is_wrong_is_named() -> None:
 
 def test_windows_above_none_and_false_names_are_counted() -> None:
     def followed(errors: list[float], *warnings: tuple[float, str]) -> dict[str, object]:
-        return {
-            "nrmse_percent": errors[0],
-            "last_percent": errors[-1],
-            "nrmse_by_2_s_percent": errors,
-            "warnings": warnings,
-        }
+        ends = {"nrmse_percent": errors[0], "last_percent": errors[-1]}
+        return {**ends, "nrmse_by_2_s_percent": errors, "warnings": warnings}
 
     row = {
         **{"family": "inputs", "kind": "sine", "named": "", "described": True, "rig": "ideal"},

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +12,10 @@ import pytest
 from fidelity import fidelity
 
 from haptic_accel.cli.main import run
-from running import Command
+from running import Command, Start
 
 SCRIPT = Path(__file__).resolve().parents[2] / "benchmarks" / "fidelity.py"
-Begin = Callable[..., Command]
+Begin = Start
 
 
 @pytest.fixture
@@ -43,12 +42,8 @@ ROW = {
 @pytest.mark.slow
 def test_the_table_is_printed_and_saved(begin: Begin, tmp_path: Path) -> None:
     time = np.arange(4000) / 2000.0
-    np.savetxt(
-        tmp_path / "drag.csv",
-        np.sin(2 * np.pi * 100 * time) + np.sin(2 * np.pi * 150.5 * time),
-        header="acceleration",
-        comments="",
-    )
+    tones = np.sin(2 * np.pi * 100 * time) + np.sin(2 * np.pi * 150.5 * time)
+    np.savetxt(tmp_path / "drag.csv", tones, header="acceleration", comments="")
     text = text_of(
         begin(
             *("--hands", "0", "--controllers", "none,inverse"),
@@ -72,10 +67,8 @@ def test_the_table_is_printed_and_saved(begin: Begin, tmp_path: Path) -> None:
         ]
         assert line["mean_percent"] == pytest.approx(np.mean(errors))
         assert line["worst_percent"] == pytest.approx(max(errors))
-    by_name = {
-        (line["condition"], line["controller"]): line["mean_percent"]
-        for line in figures["summary"]
-    }
+    lines = figures["summary"]
+    by_name = {(line["condition"], line["controller"]): line["mean_percent"] for line in lines}
     assert by_name["ideal, 1 kHz", "none"] == pytest.approx(100.0, abs=2.0)
     assert by_name["ideal, 1 kHz", "inverse"] < 9.0
     assert "ideal, 4 kHz" in text
@@ -88,12 +81,8 @@ def test_chosen_conditions_give_the_same_with_any_number_of_jobs(
 ) -> None:
     found = {}
     for jobs in ("1", "3"):
-        text = text_of(
-            begin(
-                *("taps", "--controllers", "none,dynamic", "--rig", "paper"),
-                *("--rate", "500", "--jobs", jobs, "--json", f"{jobs}.json"),
-            )
-        )
+        words = ("--controllers", "none,dynamic", "--rig", "paper", "--rate", "500")
+        text = text_of(begin("taps", *words, "--jobs", jobs, "--json", f"{jobs}.json"))
         found[jobs] = json.loads((tmp_path / f"{jobs}.json").read_text())
     assert found["1"] == found["3"]
     for row in found["1"]["rows"]:
@@ -102,15 +91,11 @@ def test_chosen_conditions_give_the_same_with_any_number_of_jobs(
         assert len(row["nrmse_by_2_s_percent"]) == 13  # from 0, 0.5, ... 6 s on
     idle, dynamic = found["1"]["summary"]
     assert idle["above_none_points"] == 0.0
-    assert dynamic["above_none_points"] == pytest.approx(
-        max(
-            own - without
-            for row, other in zip(found["1"]["rows"][1::2], found["1"]["rows"][::2], strict=True)
-            for own, without in zip(
-                row["nrmse_by_2_s_percent"], other["nrmse_by_2_s_percent"], strict=True
-            )
-        )
+    without, own = (
+        np.array([row["nrmse_by_2_s_percent"] for row in found["1"]["rows"][first::2]])
+        for first in (0, 1)
     )
+    assert dynamic["above_none_points"] == pytest.approx((own - without).max())
 
 
 @pytest.mark.slow

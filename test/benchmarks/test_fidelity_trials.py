@@ -6,16 +6,11 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
-from fidelity_trials import (
-    Case,
-    comparison_with_none,
-    run_case,
-    summary,
-    tables,
-)
+from fidelity_trials import Case, comparison_with_none, run_case, summary, tables
 from handle_family import SPREAD, hand
 from input_family import band_noise, member
 
@@ -28,18 +23,12 @@ from haptic_accel.setup.setup import Setup
 @pytest.mark.slow
 def test_adaptation_halves_what_another_hand_costs() -> None:
     grips = ((1.0, hand(2, 3)),)
-    adaptive, inverse = (
-        run_case(
-            Case(
-                "hands",
-                "text",
-                "hand",
-                GraphArguments(rig="ideal", surface="text", controller=name),
-                grips,
-                start=3.0,
-            )
-        )
+    both = (
+        GraphArguments(rig="ideal", surface="text", controller=name)
         for name in ("adaptive", "inverse")
+    )
+    adaptive, inverse = (
+        run_case(Case("hands", "text", "hand", each, grips, start=3.0)) for each in both
     )
     assert adaptive["nrmse_percent"] < max(6.0, inverse["nrmse_percent"] / 2)
     assert adaptive["bound_percent"] < adaptive["nrmse_percent"]
@@ -73,11 +62,9 @@ def test_of_a_narrow_band_nothing_is_learnt_that_is_worse_than_what_was_known() 
     random, time = np.random.default_rng(2), np.arange(8000) / 1000.0
     line = band_noise(random, len(time), 197.0, 259.0, 1000.0)
     line *= 0.7 / np.std(line) * np.minimum(time / 0.2, 1.0)
+    both = (GraphArguments(rig="paper", controller=name) for name in ("inverse", "adaptive"))
     inverse, adaptive = (
-        run_case(Case("lines", "beam", "user 0", arguments, recording=line))
-        for arguments in (
-            GraphArguments(rig="paper", controller=name) for name in ("inverse", "adaptive")
-        )
+        run_case(Case("lines", "beam", "user 0", each, recording=line)) for each in both
     )
     pairs = zip(adaptive["nrmse_by_2_s_percent"], inverse["nrmse_by_2_s_percent"], strict=True)
     assert max(learnt - known for learnt, known in pairs) < 1.0
@@ -86,11 +73,11 @@ def test_of_a_narrow_band_nothing_is_learnt_that_is_worse_than_what_was_known() 
 # On the ideal rig dynamic leaves nothing to tell either.
 @pytest.mark.parametrize(("rig", "gain"), [("ideal", 0.0), ("paper", 0.2)])
 def test_a_better_controller_leaves_less_that_a_hand_could_tell(rig: str, gain: float) -> None:
+    names = ("none", "constant", "dynamic", "adaptive")
+    given = {"rig": rig, "surface": "text", "duration": 3.0}
+    setups = (Setup.of(GraphArguments(controller=name, **given)) for name in names)
     none, constant, dynamic, adaptive = (
-        lockstep_trial(
-            Setup.of(GraphArguments(rig=rig, surface="text", controller=name, duration=3.0))
-        ).indistinguishable()
-        for name in ("none", "constant", "dynamic", "adaptive")
+        lockstep_trial(setup).indistinguishable() for setup in setups
     )
     assert none < 0.05
     assert none < constant - 0.2
@@ -111,24 +98,11 @@ def test_trials_without_anything_to_feel_enter_no_mean_share() -> None:
 
 
 def test_a_window_that_is_worse_than_none_is_counted() -> None:
-    key = {"condition": "c", "input": "i", "grip": "g"}
-    numbers = dict.fromkeys(
-        (
-            "bound_percent",
-            "limited_bound_percent",
-            "force_rms_n",
-            "travel_peak_mm",
-            "indistinguishable_percent",
-        ),
-        1.0,
-    )
-    rows = [
-        key | numbers | {"controller": name, "nrmse_percent": 1.0, "nrmse_by_2_s_percent": errors}
-        for name, errors in (
-            ("none", [100.0, None, 99.0, 98.0]),
-            ("inverse", [101.0, 7.0, 104.0, 1.0]),
-        )
-    ]
+    key: dict[str, Any] = {"condition": "c", "input": "i", "grip": "g"}
+    names = ["bound_percent", "limited_bound_percent", "indistinguishable_percent"]
+    key |= dict.fromkeys([*names, "nrmse_percent", "force_rms_n", "travel_peak_mm"], 1.0)
+    errors = {"none": [100.0, None, 99.0, 98.0], "inverse": [101.0, 7.0, 104.0, 1.0]}
+    rows = [key | {"controller": name, "nrmse_by_2_s_percent": errors[name]} for name in errors]
     idle, inverse = summary(rows)
     assert inverse["above_none_points"] == 5.0
     assert inverse["windows_above_none_percent"] == pytest.approx(100.0 / 3.0)

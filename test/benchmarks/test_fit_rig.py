@@ -62,9 +62,8 @@ def outcome() -> Unknowns:
 
 
 def test_the_kept_outcome_lies_within_what_is_plausible() -> None:
-    for low, value, high in zip(
-        astuple(LOWEST), astuple(outcome()), astuple(HIGHEST), strict=True
-    ):
+    both = (astuple(each) for each in (LOWEST, outcome(), HIGHEST))
+    for low, value, high in zip(*both, strict=True):
         assert low <= value <= high
 
 
@@ -84,12 +83,9 @@ def test_every_condition_is_run_for_every_seed() -> None:
 
 def test_every_page_states_the_number_of_fitted_values() -> None:
     surfaces = [SOURCE / f"config/surfaces/{name}.yaml" for name in SURFACES]
-    marked = sum(
-        path.read_text().count("; fitted;")
-        for path in (SOURCE / "config/rigs/paper.yaml", *surfaces)
-    )
+    files = (SOURCE / "config/rigs/paper.yaml", *surfaces)
+    marked = sum(path.read_text().count("; fitted;") for path in files)
     assert marked == len(fields(Unknowns)) == 6
-    told = [
-        (SOURCE / name).read_text() for name in ("config/rigs/paper.yaml", "docs/virtual_rig.md")
-    ]
+    names = ["config/rigs/paper.yaml", "docs/virtual_rig.md"]
+    told = [(SOURCE / name).read_text() for name in names]
     assert all("Six numbers" in text for text in [*told, RIG_NOTES["paper"]])

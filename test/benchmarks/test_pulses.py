@@ -50,9 +50,10 @@ def test_frames_that_are_no_whole_number_of_samples_lose_no_time() -> None:
     assert math.fsum(each.duration for each in found) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(
-    ("samples", "frames"), [(np.zeros(1), 60.0), (np.full(50, np.nan), 60.0), (np.ones(9), 0.0)]
-)
+UNFIT = [(np.zeros(1), 60.0), (np.full(50, np.nan), 60.0), (np.ones(9), 0.0)]
+
+
+@pytest.mark.parametrize(("samples", "frames"), UNFIT)
 def test_no_pulse_is_made_of_what_is_no_vibration(samples: FloatArray, frames: float) -> None:
     with pytest.raises(ValueError, match=r"must be|positive"):
         pulses(samples, RATE, frames) if frames == 0.0 else pulse(samples, RATE)

@@ -4,12 +4,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from running import Command
+from running import Start
 from wires import reason_against
 
 BENCHMARK = Path(__file__).resolve().parents[2] / "benchmarks" / "two_hosts.py"
@@ -20,8 +19,6 @@ FITTING = ("rate:=500", "controller:=inverse")
 LONGEST = 180.0
 """Time after which the benchmark counts as hanging, s: two minutes above what it says itself."""
 
-Start = Callable[..., Command]
-
 
 @pytest.mark.quiet
 def test_where_there_can_be_no_network_the_benchmark_says_why(
@@ -30,9 +27,8 @@ def test_where_there_can_be_no_network_the_benchmark_says_why(
     monkeypatch.setenv("CI", "true")
     command = start(BENCHMARK)
     assert command.end() == 2
-    assert command.lines == [
-        "two_hosts.py: no network between two hosts here: CI has no network namespaces"
-    ]
+    why = "no network between two hosts here: CI has no network namespaces"
+    assert command.lines == [f"two_hosts.py: {why}"]
 
 
 @pytest.mark.slow

@@ -60,10 +60,8 @@ def test_rqt_opens_plots_of_what_there_is() -> None:
     }
     assert plugins == set(manager["groups"])
     for group in manager["groups"].values():
-        keys = {
-            name: ast.literal_eval(value["repr"])
-            for name, value in group["groups"]["plugin"]["keys"].items()
-        }
+        own = group["groups"]["plugin"]["keys"]
+        keys = {name: ast.literal_eval(value["repr"]) for name, value in own.items()}
         # One topic is written without its list.
         topics = keys["topics"] if isinstance(keys["topics"], list) else [keys["topics"]]
         for path in topics:

@@ -30,13 +30,8 @@ from verbs import status_of
 
 SOURCE = Path(__file__).resolve().parents[2]
 DATA = SOURCE / "test" / "data"
-PAGES = sorted(
-    [
-        *SOURCE.glob("*.md"),
-        *(SOURCE / "docs").rglob("*.md"),
-        *(SOURCE / "haptic_accel").rglob("*.md"),
-    ]
-)
+FOLDERS = (SOURCE / "docs", SOURCE / "haptic_accel")
+PAGES = sorted([*SOURCE.glob("*.md"), *(page for each in FOLDERS for page in each.rglob("*.md"))])
 
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`([^`]+)`")
@@ -49,17 +44,8 @@ OUTSIDE = ("cd", "colcon", "pip", "rosdep", "rqt", "rviz2", "scp", "source", "su
 QUICK = ("analyze", "bag", "design", "replay")
 """Verbs that compute for a second or two; the others start a graph, or take long."""
 
-GRAPH = (
-    "bringup",
-    "calibrate",
-    "control",
-    "emulate",
-    "estop",
-    "record",
-    "scope",
-    "teleop",
-    "touch",
-)
+MAKING_RIGS = ("bringup", "calibrate", "emulate")
+GRAPH = (*MAKING_RIGS, "control", "estop", "record", "scope", "teleop", "touch")
 """Verbs that need a graph, a device or a browser."""
 
 LOCKSTEP = ("experiment", "identify", "replay")
@@ -215,9 +201,8 @@ def check_ros2(words: Sequence[str]) -> None:
 
 def services() -> dict[str, str]:
     """Return type by name of the services in the table of the documentation."""
-    section = (
-        (SOURCE / "docs" / "ros2.md").read_text().split("### Services\n")[1].split("\n### ")[0]
-    )
+    page = (SOURCE / "docs" / "ros2.md").read_text()
+    section = page.split("### Services\n")[1].split("\n### ")[0]
     rows = re.findall(r"^\| (.*?) \| `(.*?)` \|", section, re.MULTILINE)
     return {name: kind for names, kind in rows for name in re.findall(r"`([^`]+)`", names)}
 
@@ -246,10 +231,11 @@ def every_verb(group: LazyGroup) -> Iterator[click.Command]:
             yield from every_verb(command)
 
 
+VERBS = [command_line, *every_verb(command_line)]
+
+
 @pytest.mark.usefixtures("rig_file")
-@pytest.mark.parametrize(
-    "command", [command_line, *every_verb(command_line)], ids=lambda command: command.name
-)
+@pytest.mark.parametrize("command", VERBS, ids=lambda command: command.name)
 def test_the_examples_in_the_help_are_accepted(command: Verb | LazyGroup) -> None:
     for example in command.examples:
         check(shlex.split(example))
@@ -266,18 +252,15 @@ def test_every_verb_that_the_program_names_exists() -> None:
     for name, text in texts_of_the_program():
         for verb, kind in re.findall(r"haptic-accel ([a-z]+)(?: ([a-z][a-z-]*))?", text):
             assert verb in command_line.verbs, (name, verb)
-            assert (
-                not (kind and verb in command_line.groups)
-                or kind in command_line.groups[verb].verbs
-            )
+            below = command_line.groups
+            assert not (kind and verb in below) or kind in below[verb].verbs
 
 
 def is_run(words: Sequence[str]) -> bool:
     """Return whether a command of a block is run here: quick, and without a graph."""
     program, verb, *rest = [*words, "", ""]
-    return (
-        program == "haptic-accel" and verb in QUICK and (verb != "replay" or "--lockstep" in rest)
-    )
+    quick = program == "haptic-accel" and verb in QUICK
+    return quick and (verb != "replay" or "--lockstep" in rest)
 
 
 @pytest.fixture(scope="module")
@@ -295,20 +278,18 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(
-    "page",
-    rest_slow([p for p in PAGES if p not in tutorials() and any(map(is_run, in_blocks(p)))]),
-    ids=name_of,
-)
+RUN = [p for p in PAGES if p not in tutorials() and any(map(is_run, in_blocks(p)))]
+
+
+@pytest.mark.parametrize("page", rest_slow(RUN), ids=name_of)
 def test_what_a_page_tells_to_type_runs(
     page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     copytree(recorded, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     for words in filter(is_run, in_blocks(page)):
-        expanded = [
-            name for word in words[1:] for name in (sorted(map(str, Path().glob(word))) or [word])
-        ]
+        found = [sorted(map(str, Path().glob(word))) or [word] for word in words[1:]]
+        expanded = [name for names in found for name in names]
         assert status_of(*expanded) == 0, words
 
 
@@ -340,7 +321,6 @@ def test_a_tutorial_runs_from_its_first_line_to_its_last(
 
 
 def test_the_readme_says_how_to_reach_the_command_before_it_shows_one() -> None:
-    first = next(
-        i for i, words in enumerate(in_blocks(SOURCE / "README.md")) if words[0] == "haptic-accel"
-    )
+    blocks = in_blocks(SOURCE / "README.md")
+    first = next(i for i, words in enumerate(blocks) if words[0] == "haptic-accel")
     assert [".", ".venv/bin/activate"] in in_blocks(SOURCE / "README.md")[:first]

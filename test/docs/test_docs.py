@@ -12,7 +12,6 @@ import signal
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
@@ -25,7 +24,7 @@ from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.process import module_command
 from haptic_accel.core.topics import HAND_SET_POINT, JOINT_STATES, ON_DEMAND, TOPICS
 from haptic_accel.setup.node_parameters import NODES, node_schema
-from running import Command
+from running import Start, python
 
 SOURCE = Path(__file__).resolve().parents[2]
 FOLDERS = "docs", "haptic_accel", "test/chaos"
@@ -67,15 +66,9 @@ def test_tables_are_those_of_the_code(page: Path) -> None:
 
 
 def test_errors_are_drawn_against_both_bounds() -> None:
-    rows = [
-        {
-            "controller": name,
-            "nrmse_percent": error,
-            "bound_percent": 1.0,
-            "limited_bound_percent": 3.0,
-        }
-        for name, error in (("none", 100.0), ("inverse", 4.0))
-    ]
+    bound = {"bound_percent": 1.0, "limited_bound_percent": 3.0}
+    errors = {"none": 100.0, "inverse": 4.0}
+    rows = [{"controller": each, "nrmse_percent": errors[each], **bound} for each in errors]
     limited, free = script("figures").bounds(rows).axes
     for axes, bound in ((limited, 3.0), (free, 1.0)):
         points = {line.get_label(): line.get_xydata().tolist() for line in axes.lines}
@@ -183,12 +176,9 @@ def recipes(tmp_path_factory: pytest.TempPathFactory) -> str:
     written = {
         "lab_control": {"pyproject.toml": control, "lab_control/half.py": half},
         "lab_arm": {"pyproject.toml": device, "lab_arm/device.py": arm},
-        "lab_kit": {
-            "pyproject.toml": kit,
-            "lab_kit/commands.py": verb,
-            "lab_kit/weighing.py": weighing,
-        },
+        "lab_kit": {"pyproject.toml": kit, "lab_kit/commands.py": verb},
     }
+    written["lab_kit"]["lab_kit/weighing.py"] = weighing
     for package, files in written.items():
         for name, content in files.items():
             (made / package / name).parent.mkdir(parents=True, exist_ok=True)
@@ -202,13 +192,8 @@ def recipes(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def run_with(recipes: str, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, *module_command("haptic_accel.cli.main")[1:], *words],
-        env=os.environ | {"PYTHONPATH": recipes},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    _, *main = module_command("haptic_accel.cli.main")
+    return python(*main, *words, env=os.environ | {"PYTHONPATH": recipes})
 
 
 def took_over(bag: Path) -> object:
@@ -243,12 +228,11 @@ def test_the_verb_that_contributing_shows_runs(recipes: str) -> None:
 @pytest.mark.live
 @pytest.mark.slow
 def test_a_graph_runs_with_the_controller_and_the_driver_of_packages(
-    recipes: str, haptic_accel: Callable[..., Command], monkeypatch: pytest.MonkeyPatch, here: Path
+    recipes: str, haptic_accel: Start, monkeypatch: pytest.MonkeyPatch, here: Path
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", recipes)
-    graph = haptic_accel(
-        "teleop", "master:=lab_arm", "controller:=failing", f"bag:={here / 'bag'}"
-    )
+    words = "master:=lab_arm", "controller:=failing", f"bag:={here / 'bag'}"
+    graph = haptic_accel("teleop", *words)
     graph.wait_for("engaged")
     graph.wait_for(FAILED)
     assert graph.end(signal.SIGINT) == 0, graph.text

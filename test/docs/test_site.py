@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from running import python
 
 SOURCE = Path(__file__).resolve().parents[2]
 SHOWN = [
@@ -30,9 +30,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.importorskip(library, reason="the extra docs is not installed")
     folder = tmp_path_factory.mktemp("site")
     words = ["-q", "-W", "--keep-going", "-c", "docs", ".", str(folder)]
-    built = subprocess.run(
-        [sys.executable, "-m", "sphinx", *words], cwd=SOURCE, capture_output=True, text=True
-    )
+    built = python("-m", "sphinx", *words, cwd=SOURCE)
     assert built.returncode == 0, built.stderr
     return folder
 

@@ -30,9 +30,10 @@ def test_a_peer_is_a_host_with_or_without_a_port(peer: str, expected: tuple[str,
     assert host_and_port(peer) == expected
 
 
-@pytest.mark.parametrize(
-    "peer", [":7", "robot:", "robot:0", "robot:65535", "a b", "robot:x", "a/b", "[]:1"]
-)
+WRONG = [":7", "robot:", "robot:0", "robot:65535", "a b", "robot:x", "a/b", "[]:1"]
+
+
+@pytest.mark.parametrize("peer", WRONG)
 def test_another_form_is_refused_in_one_line(peer: str) -> None:
     with pytest.raises(ParameterError, match=r"^peer = .*: must be HOST or HOST:PORT"):
         LinkNodeParameters(peer=peer, keys="k")
