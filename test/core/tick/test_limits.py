@@ -230,6 +230,7 @@ def test_silence_takes_each_force_off_after_its_own_time_and_is_reported_once() 
     assert bench.actuator == bench.value("actuator force held (N)") == 1.0
     assert bench.value("arm force held (N)") == 0.0
     assert bench.layer.news(bench.now) == ["actuator force: allowed again"]
+    assert bench.layer.news(bench.now) == []
     assert bench.layer.warnings() == ["arm force still missing"]
 
 
@@ -335,6 +336,18 @@ def test_a_force_that_two_nodes_command_is_refused_until_one_does() -> None:
     news = bench.layer.news(bench.now) + bench.layer.news(bench.now)
     assert news == ["actuator force: allowed again: it has one sender"]
     assert all(bench.run([1.0] * 5))
+
+
+def test_a_faulty_device_holds_no_force_but_has_a_last_one() -> None:
+    bench = Bench()
+    bench.command(0.5)
+    for fault, allowed, suffix in (
+        ("", "true", limits.HELD_FORCE),
+        ("board disarmed", "false", limits.LAST_FORCE),
+    ):
+        values = bench.layer.diagnostics(fault)
+        assert values["forces allowed"] == allowed
+        assert values[f"arm force {suffix}"] == values[f"actuator force {suffix}"] == "0.500"
 
 
 def test_a_held_force_ends_though_neither_of_two_senders_goes_on() -> None:
