@@ -22,6 +22,9 @@ ComplexArray = npt.NDArray[np.complex128]
 Vector = tuple[float, float, float]
 """x, y, z in the arm's base frame."""
 
+Force = Vector | None
+"""Force to apply, N; None leaves the present force unchanged."""
+
 
 def vector(values: FloatArray) -> Vector:
     """Return three numbers as a vector."""

@@ -21,7 +21,7 @@ import numpy as np
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import read_mounting
-from haptic_accel.core.model import ZERO, AccelerometerParameters, FloatArray, Vector
+from haptic_accel.core.model import ZERO, AccelerometerParameters, FloatArray, Force, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, like, one_line, parameter, shown
 from haptic_accel.devices import interface
 from haptic_accel.devices.interface import DeviceError
@@ -626,9 +626,7 @@ class AudioActuator(interface.CompositeDevice):
         self._supply()
         return reading
 
-    def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
-    ) -> None:
+    def write(self, time: float, *, arm_force: Force = None, actuator_force: Force = None) -> None:
         """Apply the arm's force now, and the actuator's force when due."""
         if actuator_force is not None:
             finite = all(map(math.isfinite, actuator_force))

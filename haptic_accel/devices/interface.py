@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
-from haptic_accel.core.model import LATER, Reading, Sample, Vector
+from haptic_accel.core.model import LATER, Force, Reading, Sample, Vector
 from haptic_accel.core.orientation import is_turned, to_base
 from haptic_accel.core.outside import OutsideError, guard, parameters_problem
 from haptic_accel.core.parameters import Checked, ParameterError, schema
@@ -197,9 +197,7 @@ class Device(ABC):
         """
 
     @abstractmethod
-    def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
-    ) -> None:
+    def write(self, time: float, *, arm_force: Force = None, actuator_force: Force = None) -> None:
         """Apply forces; an omitted force remains unchanged.
 
         Parameters
@@ -338,9 +336,7 @@ class CompositeDevice(Device):
             self._open_own()
             opened.pop_all()
 
-    def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
-    ) -> None:
+    def write(self, time: float, *, arm_force: Force = None, actuator_force: Force = None) -> None:
         """Pass forces to the arm."""
         self.parts[0].write(time, arm_force=arm_force, actuator_force=actuator_force)
 
@@ -393,9 +389,7 @@ class CombinedDevice(CompositeDevice):
             return None
         return motion._replace(acceleration=vibration.acceleration)
 
-    def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
-    ) -> None:
+    def write(self, time: float, *, arm_force: Force = None, actuator_force: Force = None) -> None:
         """Write each force to its device, the actuator's first."""
         if actuator_force is not None:
             self._handle.write(time, actuator_force=actuator_force)
@@ -411,15 +405,19 @@ class CombinedDevice(CompositeDevice):
         }
 
 
+def in_base_axes(reading: Reading) -> Reading:
+    """Rotate the acceleration of a sample from the tool's axes to those of the arm's base."""
+    if isinstance(reading, Sample) and is_turned(reading.orientation, reading.acceleration):
+        return reading._replace(acceleration=to_base(reading.orientation, reading.acceleration))
+    return reading
+
+
 class CombinedTool(CombinedDevice):
     """Arm with a tool, whose acceleration is rotated to the axes of the arm's base."""
 
     def read(self, time: float) -> Reading:
         """Return the arm's motion and the tool's acceleration in the axes of the arm's base."""
-        sample = super().read(time)
-        if isinstance(sample, Sample) and is_turned(sample.orientation, sample.acceleration):
-            return sample._replace(acceleration=to_base(sample.orientation, sample.acceleration))
-        return sample
+        return in_base_axes(super().read(time))
 
 
 def combined(

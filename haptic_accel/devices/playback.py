@@ -24,12 +24,6 @@ if TYPE_CHECKING:
 
 # The bag reader takes a quarter of a second to import: only a replay imports it.
 
-SLOWEST, FASTEST = 0.1, 10.0
-"""Range of the playback speed."""
-
-LONGEST_START = 1e6
-"""Maximum time to skip, s."""
-
 
 class NothingRecordedError(ParameterError):
     """Error: a bag has no message to be played."""
@@ -46,8 +40,8 @@ class ReplayParameters(Checked):
         1.0,
         "seconds of the recording per second, as `ros2 bag play --rate`: signals are stretched in"
         " time, their values stay",
-        low=SLOWEST,
-        high=FASTEST,
+        low=0.1,
+        high=10.0,
     )
     loop: bool = parameter(False, "repeated playback, with a crossfade from the end to the start")
     start: float = parameter(
@@ -55,7 +49,7 @@ class ReplayParameters(Checked):
         "time to skip, from the coupling of the bag's arms or from the start of the file",
         unit="s",
         low=0.0,
-        high=LONGEST_START,
+        high=1e6,
     )
 
 

@@ -17,7 +17,7 @@ from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.sampling import crossfaded
 from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
-from haptic_accel.core.tick.rigs import HAND_REACH, GuidedHand, Hand
+from haptic_accel.core.tick.rigs import GuidedHand, Hand
 from haptic_accel.devices.interface import Device, DeviceDescription
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.recordings import AXES, read_recording
@@ -79,7 +79,6 @@ class PointerMaster(SimulatedMaster):
     """Simulated master whose hand follows points instead of its script."""
 
     description = replace(SimulatedMaster.description, parameters_of=("simulated",), pointed=True)
-    REACH = HAND_REACH
 
     def __init__(self, parameters: master_rig.MasterRigParameters, rate: float, seed: int) -> None:
         self._hand = GuidedHand(parameters.exploration.height)

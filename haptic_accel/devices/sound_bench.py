@@ -19,19 +19,10 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes, read_numbers
-from haptic_accel.core.model import ZERO, FloatArray, Vector
-from haptic_accel.core.orientation import is_turned, to_base
+from haptic_accel.core.model import ZERO, FloatArray, Force, Vector
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.devices import audio
-from haptic_accel.devices.interface import (
-    LATER,
-    CompositeDevice,
-    Device,
-    DeviceError,
-    NoParameters,
-    Reading,
-    Sample,
-)
+from haptic_accel.devices import audio, interface
+from haptic_accel.devices.interface import Device, DeviceError
 
 MOST_HEARD = 0.25
 """Maximum response of the tool's accelerometer to a probing force or noise, relative to the
@@ -459,7 +450,7 @@ def alike(noise: FloatArray, answer: FloatArray) -> tuple[float, int, float]:
     return likest
 
 
-class CardAccelerometer(CompositeDevice):
+class CardAccelerometer(interface.CompositeDevice):
     """Accelerometer of handle or tool on a sound card, in place of the device's own.
 
     Parameters
@@ -479,7 +470,7 @@ class CardAccelerometer(CompositeDevice):
         self,
         parameters: audio.InputParameters,
         rate: float,
-        device: Device,
+        device: interface.Device,
         to_base_axes: bool,
     ) -> None:
         channels = audio.read_channels("audio.inputs", parameters.inputs)
@@ -543,33 +534,31 @@ class CardAccelerometer(CompositeDevice):
         """Convert the card's inputs to the accelerometer's acceleration, m/s^2."""
         return np.asarray(bounded(samples[:, self._channels])[0] * self._scales)
 
-    def read(self, time: float) -> Reading:
+    def read(self, time: float) -> interface.Reading:
         """Return the arm's motion, and the acceleration at a time in s."""
         measured = self._accelerated(time)
-        if measured is LATER:
-            return LATER
+        if measured is interface.LATER:
+            return interface.LATER
         moved = self._device.read(time)  # some devices return each sample only once
-        if moved is LATER:
-            return LATER
+        if moved is interface.LATER:
+            return interface.LATER
         if moved is None or measured is None:
             return None
-        acceleration = measured.acceleration
-        if self._to_base and is_turned(moved.orientation, acceleration):
-            acceleration = to_base(moved.orientation, acceleration)
-        return moved._replace(acceleration=acceleration)
+        sample = moved._replace(acceleration=measured.acceleration)
+        return interface.in_base_axes(sample) if self._to_base else sample
 
-    def _accelerated(self, time: float) -> Reading:
+    def _accelerated(self, time: float) -> interface.Reading:
         """Return a sample with only the acceleration at a time in s."""
         card = self.card
         if card is None:
             return None
         now = clocks.monotonic()
         if card.clock.index(now) < card.clock.index(time) + 1:
-            return LATER  # no sample yet at its tick; due forces should not wait
+            return interface.LATER  # no sample yet at its tick; due forces should not wait
         card.receive(now)
         position = card.clock.index(time)
         if not position + 1 < card.received:
-            return LATER
+            return interface.LATER
         self._filter(card)
         whole = math.floor(position)
         begin = whole - (self._known - len(self._filtered))
@@ -578,7 +567,7 @@ class CardAccelerometer(CompositeDevice):
         before, after = self._filtered[begin : begin + 2]
         values = (before + (position - whole) * (after - before)) * self._scales
         vector: Vector = self.axes.vector(values.tolist())
-        return Sample(ZERO, ZERO, vector)
+        return interface.Sample(ZERO, ZERO, vector)
 
     def _filter(self, card: DuplexCard) -> None:
         """Filter the samples that have arrived since the last call."""
@@ -689,18 +678,16 @@ class NoArm(Device):
     seed : int
     """
 
-    def __init__(self, parameters: NoParameters, rate: float, seed: int) -> None: ...
+    def __init__(self, parameters: interface.NoParameters, rate: float, seed: int) -> None: ...
 
     def open(self) -> None:
         """Do nothing."""
 
-    def read(self, time: float) -> Sample:
+    def read(self, time: float) -> interface.Sample:
         """Return a sample at rest."""
-        return Sample(ZERO, ZERO, ZERO)
+        return interface.Sample(ZERO, ZERO, ZERO)
 
-    def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
-    ) -> None:
+    def write(self, time: float, *, arm_force: Force = None, actuator_force: Force = None) -> None:
         """Ignore the forces."""
 
     def close(self) -> None:

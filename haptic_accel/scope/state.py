@@ -19,7 +19,7 @@ import numpy as np
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.tick.device_side import LONGEST
-from haptic_accel.devices.simulated import PointerMaster
+from haptic_accel.core.tick.rigs import HAND_REACH
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.scenes import read_scene
 from haptic_accel.scope.windows import GraphSettings
@@ -133,7 +133,7 @@ def _clip(text: str) -> str:
     return text if len(text) <= LONGEST_TEXT else text[:LONGEST_TEXT] + "…"
 
 
-VIEW = PointerMaster.REACH
+VIEW = HAND_REACH
 """Region of the plane through the tool, along x and z, that a page draws, m: the hand's reach."""
 
 

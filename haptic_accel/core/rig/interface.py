@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from haptic_accel.core.axes import ACTUATOR_AXIS, Axes
-from haptic_accel.core.model import AccelerometerParameters, Sample, Vector
+from haptic_accel.core.model import AccelerometerParameters, Force, Sample, Vector
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.tick.rigs import Accelerometer, SimulatedArm
 
@@ -59,9 +59,7 @@ class Rig:
         self.motion.measure(time)
         return self.motion.reading.sample
 
-    def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
-    ) -> None:
+    def write(self, time: float, *, arm_force: Force = None, actuator_force: Force = None) -> None:
         """Change the forces, N, from a time on, s; later changes written before are discarded."""
         if arm_force is not None:
             self.motion.drive_at(time, True, *arm_force)

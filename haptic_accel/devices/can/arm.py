@@ -9,6 +9,7 @@ import cmath
 import logging
 import math
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -183,17 +184,6 @@ UNDECIDED = 1.0
 ON_REQUEST = "disarmed on request"
 """Reason for missing torques after `DrivenArm.disarm`."""
 
-COUNTERS = (
-    "foreign_frames",
-    "position_jumps",
-    "samples_missing",
-    "limited_torques",
-    "withheld_forces",
-    "rejected_forces",
-    "disarmed",
-)
-"""Names of an arm's counts."""
-
 _LOG = logging.getLogger(__name__)
 
 
@@ -284,7 +274,8 @@ class DrivenArm:
         self._silent_since = -math.inf
         self.longest_silence = math.nan
         self.fault = ""
-        self._counts = dict.fromkeys(COUNTERS, 0)
+        self._counts = Counter(foreign_frames=0, position_jumps=0, samples_missing=0)
+        self._counts.update(limited_torques=0, withheld_forces=0, rejected_forces=0, disarmed=0)
 
     def counters(self) -> dict[str, int]:
         """Return counts by name."""

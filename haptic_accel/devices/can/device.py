@@ -16,7 +16,7 @@ from contextlib import suppress
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from haptic_accel.core.model import Vector
+from haptic_accel.core.model import Force, Vector
 from haptic_accel.core.parameters import ParameterError, one_line
 from haptic_accel.devices.can.arm import LONGEST_SILENCE, DrivenArm, State
 from haptic_accel.devices.can.parameters import (
@@ -211,9 +211,7 @@ class CanArm(Device):
         """Return the tip's newest position and velocity without blocking; None if too old."""
         return self._arm.read(monotonic())
 
-    def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
-    ) -> None:
+    def write(self, time: float, *, arm_force: Force = None, actuator_force: Force = None) -> None:
         """Send the torques for a force of the tip; ignore an actuator's force."""
         if arm_force is not None:
             self._arm.apply(arm_force, monotonic())

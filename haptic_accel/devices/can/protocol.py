@@ -359,14 +359,9 @@ class BusLoad:
         return request + frame_bits(ESTIMATES_BYTES) + frame_bits(TORQUE_BYTES)
 
     @property
-    def bits(self) -> float:
-        """Bits per second on the bus."""
-        return self.joints * (self.rate * self.cycle + HEARTBEATS)
-
-    @property
     def share(self) -> float:
         """Load as a fraction of the bus' capacity; above 1 it is impossible."""
-        return self.bits / self.bitrate
+        return self.joints * (self.rate * self.cycle + HEARTBEATS) / self.bitrate
 
     @property
     def fits(self) -> bool:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from time import monotonic, sleep
 from typing import TYPE_CHECKING
 
-from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.model import ZERO, Force
 from haptic_accel.core.operating_state import ENABLE, ENABLED
 from haptic_accel.core.parameters import Checked, ParameterError, like, parameter, warn_once
 from haptic_accel.devices.interface import Device, DeviceError, Sample
@@ -131,9 +131,7 @@ class CrtkArm(Device):
             warn_once(f"crtk: {self._p.arm}/measured_cp: {orientation.problem}")
         return Sample(position, velocity or ZERO, ZERO, orientation.newest)
 
-    def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
-    ) -> None:
+    def write(self, time: float, *, arm_force: Force = None, actuator_force: Force = None) -> None:
         """Send the arm's force; ignore the actuator's."""
         if self._client and arm_force is not None:
             self._client.push(arm_force)

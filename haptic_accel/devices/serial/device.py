@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ALL_AXES, NAMES, Axes, Mounting, read_mounting, read_numbers
-from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.model import ZERO, Force, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.devices import interface
 from haptic_accel.devices.connection import AUTO, MANUAL
@@ -129,19 +129,15 @@ class SerialDevice(interface.Device):
     separate thread reads.
     """
 
-    description = interface.DeviceDescription(
-        framed=True
-    )  # without an arm, there is no other force
+    # Without an arm, there is no other force.
+    description = interface.DeviceDescription(framed=True)
 
     def __init__(self, parameters: SerialSlaveParameters, rate: float, seed: int) -> None:
         p = self._parameters = parameters
-        if not (p.port or p.usb_serial):
+        if bool(p.port) == bool(p.usb_serial):
             raise ParameterError(
-                "serial.port = '': must be the path of a port, or serial.usb_serial a number"
-            )
-        if p.port and p.usb_serial:
-            raise ParameterError(
-                f"serial.usb_serial = {p.usb_serial!r}: must be empty with serial.port"
+                f"serial.port = {p.port!r}: must be the path of a port, or serial.usb_serial a"
+                " number, and not both"
             )
         try:
             from haptic_accel.devices.serial.link import BoardLink, Requirements
@@ -218,9 +214,7 @@ class SerialDevice(interface.Device):
                 self._counts["samples_held"] += 1
         return self._held
 
-    def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
-    ) -> None:
+    def write(self, time: float, *, arm_force: Force = None, actuator_force: Force = None) -> None:
         """Send current set-points, zero for a force that is not finite.
 
         The board applies a set-point in the tick of its time. An overdue set-point acts at once,

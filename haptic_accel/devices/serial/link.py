@@ -197,16 +197,6 @@ REFUSALS = {
 ARMED = protocol.State.ARMED, protocol.State.TIMED_OUT
 """States of a board that allows a current."""
 
-COUNTERS = (
-    "frames_wrong",
-    "frames_unsent",
-    "refusals",
-    "samples_lost",
-    "set_points_refused",
-    "set_points_limited",
-)
-"""Names of a link's counts."""
-
 BOARD_COUNTERS = "state", "damaged", "lost", "refused", "timeouts", "unsent", "overflowed"
 """Names of the counters from a board's status."""
 
@@ -276,7 +266,8 @@ class BoardLink(Connection):
         self._writing = threading.Lock()
         self._path = ""
         self._port: Port | None = None
-        self._counts: Counter[str] = Counter(dict.fromkeys(COUNTERS, 0))
+        self._counts: Counter[str] = Counter(frames_wrong=0, frames_unsent=0, refusals=0)
+        self._counts.update(samples_lost=0, set_points_refused=0, set_points_limited=0)
         self._last_frame = 0.0
         self.identity: protocol.Identity | None = None
         self.late = 0

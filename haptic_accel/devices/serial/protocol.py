@@ -141,6 +141,7 @@ class Message:
 
     TYPE: ClassVar[FrameType]
     LAYOUT: ClassVar = struct.Struct("")
+    BYTES_PER_COIL: ClassVar = 0
 
     def __init_subclass__(cls, kind: FrameType, layout: str = "") -> None:
         """Set the frame type, and the payload layout unless inherited."""
@@ -156,7 +157,7 @@ class Message:
     @classmethod
     def size(cls, coils: int) -> int:
         """Return the length of the payload for a board with a number of coils, bytes."""
-        return cls.LAYOUT.size
+        return cls.LAYOUT.size + cls.BYTES_PER_COIL * coils
 
     @classmethod
     def unpack(cls, payload: bytes) -> Message:
@@ -217,14 +218,11 @@ class SetCurrent(Message, kind=FrameType.SET_CURRENT):
 
     counts: tuple[int, ...]
 
+    BYTES_PER_COIL: ClassVar = COUNT
+
     def pack(self) -> bytes:
         """Return the payload."""
         return struct.pack(f"<{len(self.counts)}h", *self.counts)
-
-    @classmethod
-    def size(cls, coils: int) -> int:
-        """Return the length of the payload, bytes."""
-        return cls.LAYOUT.size + COUNT * coils
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetCurrent:
@@ -247,14 +245,11 @@ class ScheduleCurrent(Message, kind=FrameType.SCHEDULE_CURRENT, layout="<I"):
     counts: tuple[int, ...]
     due: int
 
+    BYTES_PER_COIL: ClassVar = COUNT
+
     def pack(self) -> bytes:
         """Return the payload."""
         return struct.pack(f"<{len(self.counts)}hI", *self.counts, self.due)
-
-    @classmethod
-    def size(cls, coils: int) -> int:
-        """Return the length of the payload, bytes."""
-        return cls.LAYOUT.size + COUNT * coils
 
     @classmethod
     def unpack(cls, payload: bytes) -> ScheduleCurrent:
