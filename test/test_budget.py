@@ -23,7 +23,7 @@ BUDGETS = {
     "analysis": 4_048,
     "nodes": 3_936,
     "kits/study": 3_905,
-    "devices": 4_150,
+    "devices": 4_059,
     "cli": 3_024,
     "bags": 2_739,
     "scope": 1_367,

@@ -341,13 +341,10 @@ def recorded(
     with refusals(library, f"device = {name!r}"):
         found = library.query_devices(name or None, "input")
         rate, device = found["default_samplerate"], found["index"]
+        record = library.rec if played is None else library.playrec
+        length_or_sound = round(seconds * rate) if played is None else played
         for _ in range(ATTEMPTS):
-            if played is None:
-                samples = library.rec(
-                    round(seconds * rate), rate, inputs, "float32", device=device
-                )
-            else:
-                samples = library.playrec(played, rate, inputs, "float32", device=device)
+            samples = record(length_or_sound, rate, inputs, "float32", device=device)
             if not (lost := _recording_ended(library, len(samples) / rate)):
                 break
         if lost or not np.isfinite(samples).all():

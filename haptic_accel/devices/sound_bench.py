@@ -467,11 +467,7 @@ class CardAccelerometer(interface.CompositeDevice):
     Parameters = audio.InputParameters
 
     def __init__(
-        self,
-        parameters: audio.InputParameters,
-        rate: float,
-        device: interface.Device,
-        to_base_axes: bool,
+        self, parameters: audio.InputParameters, rate: float, device: Device, to_base_axes: bool
     ) -> None:
         channels = audio.read_channels("audio.inputs", parameters.inputs)
         if len(channels) not in (1, len(ALL_AXES.names)):
@@ -572,16 +568,12 @@ class CardAccelerometer(interface.CompositeDevice):
     def _filter(self, card: DuplexCard) -> None:
         """Filter the samples that have arrived since the last call."""
         new = card.window(self._known, card.received - self._known)
-        if new is None:  # the loop stood still
-            new = card.window(card.received, 0)
-            assert new is not None
-        if len(new):
+        if new is not None and len(new):  # none are stored if the loop stood still
             raw, wrong = bounded(new[:, self._channels])
             self._wrong += wrong
             filtered, self._state = self._sosfilt(self._sections, raw, axis=0, zi=self._state)
-            self._filtered = np.concatenate((self._filtered, filtered))[
-                -round(WAITED * card.rate) :
-            ]
+            kept = round(WAITED * card.rate)
+            self._filtered = np.concatenate((self._filtered, filtered))[-kept:]
         self._known = card.received
 
     def _close_own(self) -> None:

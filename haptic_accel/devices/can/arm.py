@@ -390,11 +390,9 @@ class DrivenArm:
 
     def joints(self) -> Joints:
         """Return the last known angles, speeds and torques of the joints."""
-        torques = (
-            axis.joint.joint_torque(torque)
-            for axis, torque in zip(self._axes, self.torques, strict=True)
-        )
-        return Joints(list(self._p.joints), list(self._angles()), self._speeds(), list(torques))
+        pairs = zip(self._axes, self.torques, strict=True)
+        torques = [axis.joint.joint_torque(torque) for axis, torque in pairs]
+        return Joints(list(self._p.joints), list(self._angles()), self._speeds(), torques)
 
     def _disarm_for(self, reason: str, *, recovers: bool = False) -> None:
         """Release all axes for a reason; `recovers` allows rearming without a request."""

@@ -75,9 +75,8 @@ def bus_configuration(parameters: CanParameters) -> dict[str, Any]:
         raise DeviceError(
             "can: python-can is not installed: pip install python-can, or the package python3-can"
         ) from None
-    settings: dict[str, Any] = dict(parameters.settings)
     named = {name: getattr(parameters, name) for name in ("interface", "channel", "bitrate")}
-    settings |= {name: value for name, value in named.items() if value}
+    settings = parameters.settings | {name: value for name, value in named.items() if value}
     known = ", ".join(sorted(can.VALID_INTERFACES))
     try:
         return dict(can.util.load_config(config=settings, context=parameters.context))
@@ -271,9 +270,8 @@ class CanArm(Device):
 
     @property
     def _channel(self) -> str:
-        configuration = self._link.configuration
-        names = [str(configuration.get(key) or "") for key in ("interface", "channel")]
-        return " ".join(name for name in names if name)
+        names = (self._link.configuration.get(key) for key in ("interface", "channel"))
+        return " ".join(str(name) for name in names if name)
 
     def _wait_while(self, pending: Callable[[], T], longest: float = 0.0) -> T:
         """Wait while `pending` returns a true value, up to a time limit; return the last value."""

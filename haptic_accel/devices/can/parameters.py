@@ -211,9 +211,8 @@ class CanParameters(Checked):
     @property
     def joints(self) -> dict[str, JointParameters]:
         """Joints of the selected kinematics, by name."""
-        joints = self.joint1, self.joint2, self.joint3
         count = 1 + KINEMATICS.index(self.kinematics)
-        return {f"joint{number + 1}": joints[number] for number in range(count)}
+        return {name: getattr(self, name) for name in ("joint1", "joint2", "joint3")[:count]}
 
     @property
     def settings(self) -> dict[str, Any]:

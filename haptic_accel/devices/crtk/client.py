@@ -178,12 +178,9 @@ class ArmClient:
             )
             state = self._messages.OperatingState
             # Transient-local subscriptions receive latched states, volatile ones all other states.
-            self._states = [
-                internals.message_taker(
-                    self._subscription(state, "operating_state", profile), serve
-                )
-                for profile in (_LATCHED, _SENSOR)
-            ]
+            for profile in (_LATCHED, _SENSOR):
+                subscription = self._subscription(state, "operating_state", profile)
+                self._states.append(internals.message_taker(subscription, serve))
 
     @property
     def has_states(self) -> bool:

@@ -65,12 +65,9 @@ class BoardSamples:
 
     def last(self, seconds: float) -> Observation:
         """Return the newest uncalibrated samples of the axis with most gravity."""
-        number = round(seconds * self._rate) * len(self._axes)
-        counts = np.array(self._counts[-number:], dtype=float)
-        rows = counts[: len(counts) // len(self._axes) * len(self._axes)].reshape(
-            -1, len(self._axes)
-        )
-        signal = np.full(number // len(self._axes), np.nan)
+        number = round(seconds * self._rate)
+        rows = self._samples(self._counts[-number * len(self._axes) :])
+        signal = np.full(number, np.nan)
         if len(rows):
             axis = int(np.argmax(np.abs(rows.mean(axis=0))))
             signal[-len(rows) :] = self.identity.nominal_gain * rows[:, axis]
@@ -92,6 +89,9 @@ class BoardSamples:
             time.sleep(0.01)
         if self._link.problem:
             raise DeviceError(self._link.problem)
-        there = len(self._counts) // len(self._axes) * len(self._axes)
-        counts = self._counts[: min(number, there)]
-        return np.array(counts, dtype=float).reshape(-1, len(self._axes))
+        return self._samples(self._counts[:number])
+
+    def _samples(self, counts: list[int]) -> FloatArray:
+        """Return the complete samples in successive counts, shape (n, axes)."""
+        complete = len(counts) // len(self._axes) * len(self._axes)
+        return np.array(counts[:complete], dtype=float).reshape(-1, len(self._axes))

@@ -312,24 +312,28 @@ class BoardLink(Connection):
         """Request permission for a current, also after a fault; return False without a board."""
         if not self.connected:
             return False
-        board = self._board
-        if board is not None and board.state is protocol.State.FAULT:
+        if self._state is protocol.State.FAULT:
             self._send(protocol.DisarmRequest())
         return self._send(protocol.ArmRequest())
 
     @property
     def armed(self) -> bool:
         """True while the board reports that it allows a current."""
-        board = self._board
-        return self.connected and board is not None and board.state in ARMED
+        return self.connected and self._state in ARMED
 
     @property
     def refusal(self) -> str:
         """One-line reason for missing samples or current; empty if none."""
-        board = self._board
-        if not self.connected or board is None or not self._required.coils or self.armed:
+        state = self._state
+        if not self.connected or state is None or not self._required.coils or self.armed:
             return self.problem
-        return f"{self._path}: {REFUSALS[board.state]}"
+        return f"{self._path}: {REFUSALS[state]}"
+
+    @property
+    def _state(self) -> protocol.State | None:
+        """State in the board's last status; None before the first."""
+        board = self._board
+        return board.state if board else None
 
     def counters(self) -> dict[str, int]:
         """Return counts of both sides, by name."""
@@ -386,16 +390,12 @@ class BoardLink(Connection):
         if required.coils and self._thread is None:
             refusal = "does not arm; is the amplifier at fault?"
             self._ask(protocol.ArmRequest(), lambda: self.armed, refusal)
-            # No set-point has been sent: a board without timeout would stay armed at zero.
-            if not self._listen_until(self._has_timed_out, ANSWER):
+            # No set-point has been sent: a board without the timeout of 5 ms would stay armed.
+            if not self._listen_until(lambda: self._state is protocol.State.TIMED_OUT, ANSWER):
                 raise DeviceError(
                     f"{self._path}: stays armed without set-points: flash firmware {FIRMWARE}"
                     " (firmware/README.md)"
                 )
-
-    def _has_timed_out(self) -> bool:
-        """Return whether the board timed out by itself, as required after 5 ms."""
-        return self._board is not None and self._board.state is protocol.State.TIMED_OUT
 
     def _ask(self, request: protocol.Message, answered: Callable[[], bool], problem: str) -> None:
         """Repeat a request until it is answered; raise `DeviceError` with a problem otherwise."""
