@@ -23,18 +23,8 @@ from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification import three_axes
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.evaluation import Tell, identify_handle, stages
-from haptic_accel.core.identification.sweep import (
-    LIMITED,
-    STOPS_HIT,
-    Recorded,
-    check_stops,
-    check_travel,
-    orthogonal_excitation,
-)
-from haptic_accel.core.identification.three_axes import (
-    ThreeAxisIdentification,
-    identify_three_axes,
-)
+from haptic_accel.core.identification.sweep import Recorded, check_stops, check_travel
+from haptic_accel.core.identification.three_axes import ThreeAxisIdentification
 from haptic_accel.core.model import ACTUATOR, FloatArray, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, same_rate
@@ -84,7 +74,9 @@ def evaluate(
     if _has_three_axes(recorded):
         check_one_grip(recorded)
         (trials,) = recorded.values()
-        axes = identify_three_axes(trials, sweep, *sensed, known=handle, free=free, tell=tell)
+        axes = three_axes.identify_three_axes(
+            trials, sweep, *sensed, known=handle, free=free, tell=tell
+        )
         stretched = _coil_travel(axes, actuator.travel)
         return ThreeAxisResult(axes, actuator, latency, [*stretched, *axes.doubts])
     found = identify_handle(recorded, sweep, *sensed, known=handle, free=free, tell=tell)
@@ -278,14 +270,15 @@ def _trials(
     sweep, rate = arguments.sweep, arguments.rate
     wave = sweeps.excitation(sweep, rate)
     if force[:, [axis for axis in range(3) if axis != ACTUATOR_AXIS]].any():
-        wave = orthogonal_excitation(sweep, rate)
+        wave = sweeps.orthogonal_excitation(sweep, rate)
     else:
         force, acceleration = force[:, ACTUATOR_AXIS], acceleration[:, ACTUATOR_AXIS]
     found = sweeps.find_trials(force, acceleration, sweep, rate, missing, bag.latency or 0, wave)
     # The device's counters do not identify the trial.
     values = _last_values(bag)
+    names = sweeps.STOPS_HIT, *sweeps.LIMITED
     for trial in found:
-        trial.counters.update((key, int(values.get(key, 0))) for key in (STOPS_HIT, *LIMITED))
+        trial.counters.update((name, int(values.get(name, 0))) for name in names)
     most = MOST_MISSING * len(found[0].actuator_force)
     whole = [trial for trial in found if trial.counters[sweeps.SAMPLES_MISSING] <= most]
     if len(whole) < len(found):

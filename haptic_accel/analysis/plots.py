@@ -25,14 +25,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from haptic_accel.analysis.traces import EXCERPT, excerpt_of, sampled
-from haptic_accel.core.evaluation.metrics import (
-    ALIKE,
-    Evaluation,
-    Spectra,
-    components,
-    lengths,
-    spectra,
-)
+from haptic_accel.core.evaluation import metrics
+from haptic_accel.core.evaluation.metrics import Evaluation, Spectra, components, lengths, spectra
 from haptic_accel.core.evaluation.statistics import Interval
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.tables import DASH, number
@@ -47,7 +41,7 @@ PATH = 0.05
 """Length of a path in the planes of two axes, s: several periods of texture, which the eye can
 distinguish."""
 
-LEAST_R2 = ALIKE**2
+LEAST_R2 = metrics.ALIKE**2
 """Minimum R^2 for drawing a regression line, equal to the minimum correlation for a delay. Below
 it the samples have almost nothing in common."""
 

@@ -62,7 +62,7 @@ class PlayedCondition:
 def play(condition: PlayedCondition) -> Row:
     """Play a bag through a controller; record the result if an output bag is specified."""
     start = time.time_ns()
-    track = replayed_track(condition.own, condition.graph)
+    track = replayed_track(condition.own.bag, condition.graph, condition.own.duration)
     setup = Setup.of(condition.graph)
     trial = lockstep.lockstep_trial(setup, track=track)
     trial = replace(trial, surface=condition.touched)

@@ -28,14 +28,7 @@ from haptic_accel.core import operating_state
 from haptic_accel.core.actuator.safety import ArmLimits
 from haptic_accel.core.coupling.position_servo import PositionServo, PositionServoParameters
 from haptic_accel.core.model import Sample, Vector
-from haptic_accel.core.operating_state import (
-    DISABLED,
-    ENABLED,
-    FAULT,
-    MESSAGES,
-    PAUSED,
-    transitions,
-)
+from haptic_accel.core.operating_state import DISABLED, ENABLED, FAULT, MESSAGES, PAUSED
 from haptic_accel.core.parameters import shown
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import SafetyLayer
@@ -387,7 +380,7 @@ class OperatingState:
 
     def _carry_out(self, command: str) -> str:
         """Change the node's state by a command; return the reason if that is impossible."""
-        for transition in transitions(command, self._node.state):
+        for transition in operating_state.transitions(command, self._node.state):
             if getattr(self._node, f"trigger_{transition}")() != Outcome.SUCCESS:
                 return f"{transition} failed"
         self._pausing = command == operating_state.PAUSE

@@ -45,15 +45,9 @@ from haptic_accel.graph.locks import lock_signal
 from haptic_accel.nodes import signals
 from haptic_accel.nodes.supervised_node import DEPTH, SupervisedNode, message_type
 from haptic_accel.nodes.timing import scheduling_class
+from haptic_accel.setup import node_parameters
 from haptic_accel.setup.files import FORMER, check_reached, present_values
-from haptic_accel.setup.node_parameters import (
-    NODES,
-    USE_SIM_TIME,
-    build_parameters,
-    check_clock,
-    declared_schema,
-    node_schema,
-)
+from haptic_accel.setup.node_parameters import NODES, USE_SIM_TIME, check_clock, node_schema
 
 _OF_EVERY_NODE = (USE_SIM_TIME, "start_type_description_service")
 """Parameters that rclpy gives every node."""
@@ -104,8 +98,8 @@ class DeclaredParameters:
     ) -> None:
         self._node, self._apply, self._note = node, change, note
         values = self._overrides()
-        self.own, self.options = build_parameters(executable, values)
-        self.schema = declared_schema(executable, self.own)
+        self.own, self.options = node_parameters.build_parameters(executable, values)
+        self.schema = node_parameters.declared_schema(executable, self.own)
         self._others = node_schema(executable).keys() - self.schema
         self._changeable = changeable(self.own)
         self._declare(values)
@@ -507,12 +501,9 @@ class GraphNode(SupervisedNode):
 
     def _refusals(self) -> Counter[str]:
         """Return the numbers of refused messages and requests by reason."""
-        counts = Counter(
-            {
-                "messages malformed": self._malformed.total(),
-                "callbacks failed": self._guard.failed.total(),
-            }
-        )
+        counts: Counter[str] = Counter()
+        counts["messages malformed"] = self._malformed.total()
+        counts["callbacks failed"] = self._guard.failed.total()
         if self._followed:
             counts["samples out of date"] = sum(s.sequence.outdated for s in self._followed)
             contested = self.contested_in_loop + sum(s.contested for s in self._followed)

@@ -12,14 +12,8 @@ from typing import TYPE_CHECKING, Any
 from haptic_accel.core.tick import HostLoop
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices.interface import DeviceError
-from haptic_accel.nodes.timing import (
-    FORCES_TIME,
-    RECEIVING_TIME,
-    ArrivalKeeper,
-    RateKeeper,
-    system_time,
-    wake_time,
-)
+from haptic_accel.nodes import timing
+from haptic_accel.nodes.timing import FORCES_TIME, RECEIVING_TIME, ArrivalKeeper, RateKeeper
 
 if TYPE_CHECKING:  # a single device needs no import of a compensator
     from haptic_accel.nodes.compensator import Compensator
@@ -77,7 +71,8 @@ class LoopRunner:
     def begin(self) -> None:
         """Start at the next tick; earlier ticks do not count as missed."""
         times = [FORCES_TIME + RECEIVING_TIME * each.received for each in self._devices.values()]
-        self._keeper = RateKeeper(self._rate, lead=wake_time() + sum(times), frame=self._frame)
+        lead = timing.wake_time() + sum(times)
+        self._keeper = RateKeeper(self._rate, lead=lead, frame=self._frame)
         self._arrivals = {arm: ArrivalKeeper(self._rate / self._frame) for arm in self._devices}
         self._idle = False
         framed = [each.device.description.framed for each in self._devices.values()]
@@ -119,7 +114,7 @@ class LoopRunner:
 
     def _serve(self, tick: int) -> None:
         moment = self._keeper.time(tick)
-        self._offset = system_time(moment) - moment
+        self._offset = timing.system_time(moment) - moment
         for device in self._devices.values():
             device.offset = self._offset
         if self._coupler:

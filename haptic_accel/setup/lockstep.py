@@ -15,12 +15,11 @@ from haptic_accel.core.axes import Axes
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.topics import SLAVE
-from haptic_accel.core.track import Track, played_at, quieted
+from haptic_accel.core.track import Track, quieted
 from haptic_accel.core.trial import GripChange, Trial, run_trial
-from haptic_accel.devices.playback import ReplayParameters, read_track
 from haptic_accel.devices.simulated import played, textured
 from haptic_accel.materials.scenes import read_scene
+from haptic_accel.setup import replay
 from haptic_accel.setup.arguments import SCENE, VIRTUAL, GraphArguments
 from haptic_accel.setup.node_parameters import PASSIVE
 from haptic_accel.setup.setup import Setup
@@ -93,14 +92,7 @@ def replayed_track(arguments: GraphArguments) -> Track:
     """
     if arguments.replay_loop:
         raise ParameterError("replay_loop = true: must be false in lockstep")
-    parameters = ReplayParameters(
-        arguments.replay,
-        rate=arguments.recording_rate,
-        column=arguments.recording_column,
-        start=arguments.replay_start,
-    )
-    found = read_track(parameters, SLAVE, arguments.rate)
-    return quieted(played_at(found, arguments.rate, arguments.replay_speed))
+    return quieted(replay.replayed_track(arguments.replay, arguments))
 
 
 def record_trial(bag: Path, trial: Trial, setup: Setup[GraphArguments], start: int) -> None:

@@ -18,14 +18,8 @@ from haptic_accel.core.topics import MASTER, PLAYED, SLAVE, SLAVE_SIGNALS
 from haptic_accel.core.track import SHORTEST, Track, played_at
 from haptic_accel.devices import playback
 from haptic_accel.materials.folders import is_recording
-from haptic_accel.setup.arguments import (
-    PLAYED_TOPICS,
-    REPLAY,
-    SIMULATED,
-    VIRTUAL,
-    GraphArguments,
-    parse_arguments,
-)
+from haptic_accel.setup import arguments as names
+from haptic_accel.setup.arguments import PLAYED_TOPICS, REPLAY, GraphArguments, parse_arguments
 from haptic_accel.setup.node_parameters import HIGHEST_RATE
 from haptic_accel.setup.processes import graph
 from haptic_accel.setup.setup import recorded_arguments
@@ -206,8 +200,8 @@ def _inherited(bag: Bag, specified: dict[str, Any]) -> dict[str, Any]:
     if found.get("master") == REPLAY:
         del found["master"]
     slave = specified["slave"]
-    is_other = VIRTUAL in (slave, recorded.get("slave")) and slave != recorded.get("slave")
-    if is_other or (is_recording(str(recorded.get("surface", ""))) and slave != SIMULATED):
+    is_other = names.VIRTUAL in (slave, recorded.get("slave")) and slave != recorded.get("slave")
+    if is_other or (is_recording(str(recorded.get("surface", ""))) and slave != names.SIMULATED):
         found.pop("surface", None)
     try:
         GraphArguments(**found)
@@ -238,7 +232,7 @@ def expected_seconds(replay: Replay) -> float:
     """Return the duration of a replay, s; 0 if unknown."""
     if replay.own.loop or replay.graph.slave != REPLAY:
         return replay.graph.duration
-    return replayed_track(replay.own, replay.graph).seconds
+    return replayed_track(replay.own.bag, replay.graph, replay.own.duration).seconds
 
 
 def in_lockstep(replay: Replay) -> Replay:
@@ -255,18 +249,34 @@ def in_lockstep(replay: Replay) -> Replay:
         raise ParameterError("source, slave: not with --lockstep, which replays the slave")
     if replay.graph.master == REPLAY:
         raise ParameterError("master = 'replay': not with --lockstep, which simulates the handle")
-    arguments = replace(replay.graph, master=SIMULATED)
+    arguments = replace(replay.graph, master=names.SIMULATED)
     graph(arguments)
     return replace(replay, graph=arguments)
 
 
-def replayed_track(own: ReplayArguments, played: GraphArguments) -> Track:
-    """Return the played track of the slave at the graph's rate."""
-    rate = played.rate
+def replayed_track(file: str, arguments: GraphArguments, seconds: float = 0.0) -> Track:
+    """Return the played track of the slave at the graph's rate.
+
+    Parameters
+    ----------
+    file : str
+        Bag, or CSV or WAV file.
+    arguments : GraphArguments
+    seconds : float
+        Duration of the recording to play, s; 0 for all.
+
+    Raises
+    ------
+    ParameterError
+        The track cannot be read.
+    """
     parameters = playback.ReplayParameters(
-        own.bag, rate=played.recording_rate, column=played.recording_column, start=own.start
+        file,
+        rate=arguments.recording_rate,
+        column=arguments.recording_column,
+        start=arguments.replay_start,
     )
-    track = playback.read_track(parameters, SLAVE, rate)
-    if own.duration:
-        track = track.part(slice(round(own.duration * track.rate)))
-    return played_at(track, rate, own.rate)
+    track = playback.read_track(parameters, SLAVE, arguments.rate)
+    if seconds:
+        track = track.part(slice(round(seconds * track.rate)))
+    return played_at(track, arguments.rate, arguments.replay_speed)

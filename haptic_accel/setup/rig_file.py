@@ -13,13 +13,8 @@ from typing import Any
 from haptic_accel.core.bounded_files import located, read_text
 from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.core.safe_writing import replace_file
-from haptic_accel.setup.files import (
-    EVERY_NODE,
-    ROS_PARAMETERS,
-    SEPARATOR,
-    parameter_paths,
-    read_parameter_file,
-)
+from haptic_accel.setup import files
+from haptic_accel.setup.files import ROS_PARAMETERS
 
 NOTE = "# bring-up, "
 """Prefix of comments in a rig's file on steps of the bring-up."""
@@ -93,10 +88,10 @@ def teleop_command(params_file: str, found: Path, *assignments: str) -> list[str
     >>> teleop_command("", Path("rig.yaml"), "controller:=adaptive")
     ['teleop', 'params_file:=rig.yaml', 'controller:=adaptive']
     """
-    files = [path for path in params_file.split(SEPARATOR) if path]
-    if found.absolute() not in parameter_paths(params_file):
-        files.append(str(found))
-    return ["teleop", f"params_file:={SEPARATOR.join(files)}", *assignments]
+    paths = [path for path in params_file.split(files.SEPARATOR) if path]
+    if found.absolute() not in files.parameter_paths(params_file):
+        paths.append(str(found))
+    return ["teleop", f"params_file:={files.SEPARATOR.join(paths)}", *assignments]
 
 
 def check_updatable(path: Path) -> None:
@@ -129,7 +124,7 @@ def _document(path: Path) -> tuple[Any, Any, str]:
         text = read_text(path)
     if all(line.lstrip()[:1] in ("", "#") for line in text.splitlines()):
         return document, {}, "".join(f"{line}\n" for line in text.splitlines())
-    read_parameter_file(path)  # refuse a file of another form
+    files.read_parameter_file(path)  # refuse a file of another form
     try:
         return document, document.load(text) or {}, ""
     except YAMLError as error:
@@ -138,7 +133,7 @@ def _document(path: Path) -> tuple[Any, Any, str]:
 
 def _key(content: Mapping[str, Any], node: str) -> str:
     """Return the file's key for a node, or a new key that applies in any namespace."""
-    if node == EVERY_NODE:
+    if node == files.EVERY_NODE:
         return node
     known = (f"/**/{node}", node, f"/{node}")
     return next((key for key in known if key in content), known[0])

@@ -24,15 +24,9 @@ from haptic_accel.core.topics import CONTACT_FORCE
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.materials.folders import config_folder, is_recording, preset_file
 from haptic_accel.setup import arguments as names
-from haptic_accel.setup import files
+from haptic_accel.setup import files, node_parameters
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.setup.node_parameters import (
-    NODES,
-    PASSIVE,
-    SAFETY,
-    build_parameters,
-    node_schema,
-)
+from haptic_accel.setup.node_parameters import SAFETY, build_parameters, node_schema
 
 RECORDER = "recorder"
 """Executable that writes the bag."""
@@ -88,7 +82,7 @@ class Parameters:
         _, masters = self.node("master_device")
         _, slaves = self.node("slave_device")
         coupling, _ = self.node("coupler")
-        passive = coupling if coupling.coupling == PASSIVE else None
+        passive = coupling if coupling.coupling == node_parameters.PASSIVE else None
         return RigParameters(
             *(masters["simulated"], slaves["simulated"], coupling, passive, slaves["virtual"]),
             *(masters[SAFETY], slaves[SAFETY]),
@@ -190,7 +184,7 @@ def known_arguments(metadata: Mapping[str, Any]) -> dict[str, Any]:
 
 def _resolved(arguments: Arguments) -> files.Values:
     """Return each node's values from files and arguments, by dotted name."""
-    values: files.Values = {executable: {} for executable in NODES}
+    values: files.Values = {executable: {} for executable in node_parameters.NODES}
     set_here = _set_by(arguments)
     own = [
         (path, files.read_parameter_file(path, arguments.namespace)) for path in _files(arguments)
@@ -200,7 +194,7 @@ def _resolved(arguments: Arguments) -> files.Values:
     for index, (path, content) in enumerate(stated, 1):
         if path != _defaults_file():
             _check_file_values(path, content, set_here, [later for _, later in stated[index:]])
-        for executable in NODES:
+        for executable in node_parameters.NODES:
             values[executable] |= content[executable]
     for executable, set_values in set_here.items():
         values[executable] |= set_values
