@@ -69,12 +69,8 @@ def launched(
         values = {name: LaunchConfiguration(name).perform(context) for name in defaults}
         NamespaceArguments(values["namespace"])  # check the namespace as it was typed
         values["namespace"] = _pushed(values["namespace"], context)
-        values = {
-            name: value
-            for name, value in values.items()
-            if name in typed or value != defaults[name]
-        }
-        found = processes([f"{name}:={value}" for name, value in values.items()])
+        given = [name for name in values if name in typed or values[name] != defaults[name]]
+        found = processes([f"{name}:={values[name]}" for name in given])
         lock = ExitStack()
         lock.enter_context(sole_graph(found[0].namespace))
         leave = RegisterEventHandler(OnShutdown(on_shutdown=lambda *_: lock.close()))

@@ -212,9 +212,8 @@ def shared_memory(folder: Path) -> Finding:
 def receive_buffer(rmem_max: str) -> Finding:
     """Judge net.core.rmem_max, the most bytes that a socket may store for a slow reader."""
     small = rmem_max and int(rmem_max) < LITTLE_RECEIVE_BUFFER
-    return _judged(
-        "receive buffer", f"net.core.rmem_max is {rmem_max or 'unknown'}", warning=small
-    )
+    found = f"net.core.rmem_max is {rmem_max or 'unknown'}"
+    return _judged("receive buffer", found, warning=small)
 
 
 def sourced_ros(environment: Mapping[str, str], prefix: Path) -> Finding:

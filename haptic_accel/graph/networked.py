@@ -166,10 +166,7 @@ class NetworkedGraph(NamedTuple):
 
 @contextmanager
 def networked_graph(
-    arguments: GraphArguments,
-    network: ChannelParameters,
-    *,
-    slave_domain: int | None = None,
+    arguments: GraphArguments, network: ChannelParameters, *, slave_domain: int | None = None
 ) -> Iterator[NetworkedGraph]:
     """Run a relay, and yield the processes of the two sides that it connects.
 

@@ -135,9 +135,8 @@ class MovingTool:
         self._inertia = parameters.mass / self._model.opt.timestep
         self._friction = self._model.geom_friction[:, 0].tolist()
         self._body, self._tip = self._model.body(_TOOL).id, self._model.geom(_TOOL).id
-        self._axes = slice(
-            self._model.body(_TOOL).dofadr[0], self._model.body(_TOOL).dofadr[0] + 3
-        )
+        first = self._model.body(_TOOL).dofadr[0]
+        self._axes = slice(first, first + 3)
         self.return_to_start()
 
     def return_to_start(self) -> None:

@@ -249,14 +249,8 @@ def _modes(modes: Document) -> tuple[Mode, ...]:
 def _object(name: str, section: Document, materials: Mapping[str, Material]) -> SceneObject:
     kind = section.get("shape").choice({**SHAPES, **FILES})
     from_file = kind in FILES.values()
-    section.check_keys(
-        *_PLACED,
-        *(
-            ("file", *parameters.own_schema(Sampling))
-            if from_file
-            else parameters.own_schema(kind)
-        ),
-    )
+    own = parameters.own_schema(Sampling if from_file else kind)
+    section.check_keys(*_PLACED, *(["file"] if from_file else []), *own)
     return SceneObject(
         name,
         _sampled(section, kind) if from_file else section.build(kind),

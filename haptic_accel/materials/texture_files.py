@@ -187,13 +187,10 @@ def write_texture(path: Path, model: TextureModel) -> None:
         if path.suffix == ".npz":
             np.savez_compressed(path, about=yaml.safe_dump(about, sort_keys=False), **arrays)
         else:
-            # Write each row of numbers in one line.
-            options: dict[str, Any] = {
-                "sort_keys": False,
-                "default_flow_style": None,
-                "allow_unicode": True,
-            }
-            text = yaml.safe_dump(about | _rounded(arrays), width=100, **options)
+            content = about | _rounded(arrays)
+            text = yaml.safe_dump(  # each row of numbers in one line
+                content, sort_keys=False, default_flow_style=None, allow_unicode=True, width=100
+            )
             path.write_text(text, encoding="utf-8")
 
 

@@ -111,10 +111,6 @@ class Connections:
         self._counting = asyncio.create_task(self._count_time())
         return listener
 
-    def meet(self, transport: asyncio.Transport) -> None:
-        """Count a new connection as a stranger's for `STRANGER_TIME`."""
-        _add(self.strangers, transport)
-
     def admit(self, transport: asyncio.Transport | None) -> None:
         """Count an open connection as the newest of those with access."""
         if transport:
@@ -199,10 +195,10 @@ class _Stranger(asyncio.Protocol):
         self._header = b""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Wait for the header."""
+        """Count as a stranger for `STRANGER_TIME`, and wait for the header."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
-        self._connections.meet(transport)
+        _add(self._connections.strangers, transport)
 
     def data_received(self, data: bytes) -> None:
         """Pass a complete header, with the data after it, to the server, or refuse it."""

@@ -147,15 +147,13 @@ def plots_frame(metrics: Metrics) -> bytes:
     """Return spectra and cloud as bytes."""
     found = metrics.spectra
     lines = (found.frequency, found.desired, found.actual) if found else ()
-    cloud = (metrics.desired, metrics.actual)
     header = _PLOTS_HEADER.pack(PLOTS, len(lines[0]) if lines else 0, len(metrics.desired))
-    return b"".join([header, *map(_float32, (*lines, *cloud))])
+    return b"".join([header, *map(_float32, (*lines, metrics.desired, metrics.actual))])
 
 
 def vectors_frame(vectors: Mapping[str, Vector]) -> bytes:
     """Return the latest vectors of `VECTORS` as bytes."""
-    unknown = (math.nan,) * 3
-    found = [vectors.get(name, unknown) for name in VECTORS]
+    found = [vectors.get(name, (math.nan,) * 3) for name in VECTORS]
     return struct.pack("<I", PLACED) + _float32(np.array([(x, z) for x, _, z in found]))
 
 

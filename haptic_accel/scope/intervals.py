@@ -129,10 +129,8 @@ def late_percent(before: Mapping[str, str], after: Mapping[str, str], rate: floa
     >>> late_percent(before, after, 1000.0)
     1.0
     """
-    due, late = (
-        float(after.get(name, 0)) - float(before.get(name, 0))
-        for name in ("actuator force due", f"actuator force {LATE_TIME}")
-    )
+    names = "actuator force due", f"actuator force {LATE_TIME}"
+    due, late = (float(after.get(name, 0)) - float(before.get(name, 0)) for name in names)
     return min(100.0, 100.0 * late * rate / due) if due > 0 else 0.0
 
 

@@ -112,9 +112,8 @@ class PacedRig:
         sides[SLAVE].wants_contact = True
         self._loop, self._compensation = build_loop(rig, sides, part), part.slow
         self.windows.show_axes(self._master.axes)
-        self._axes = [
-            (NAMES.index(axis), windows) for axis, windows in self.windows.by_axis.items()
-        ]
+        axes = self.windows.by_axis.items()
+        self._axes = [(NAMES.index(axis), windows) for axis, windows in axes]
         settings = GraphSettings(
             *(compensation.high_pass_frequency, self._controllers[ACTUATOR], latency),
             self._granted(compensation.controller),

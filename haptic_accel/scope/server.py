@@ -527,9 +527,8 @@ class ScopeServer:
         state = {"version": self._version, "axes": axes} | self._source.state()
         if self._act is None:
             state["led"] = False
-        self._updates = {}
-        for windows in {cursor.windows for cursor in self._clients.values()}:
-            self._updates[windows] = self._update(windows, state)
+        shown = {cursor.windows for cursor in self._clients.values()}
+        self._updates = {windows: self._update(windows, state) for windows in shown}
         self._updated = now  # set last: a failed update must not count as done
 
     def _update(self, windows: Windows, state: dict[str, Any]) -> tuple[str | bytes, ...]:

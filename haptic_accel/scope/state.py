@@ -133,10 +133,6 @@ def _clip(text: str) -> str:
     return text if len(text) <= LONGEST_TEXT else text[:LONGEST_TEXT] + "…"
 
 
-VIEW = HAND_REACH
-"""Region of the plane through the tool, along x and z, that a page draws, m: the hand's reach."""
-
-
 def choices() -> dict[str, list[str]]:
     """Return the choices of controller, surface and grip."""
     return {
@@ -210,6 +206,8 @@ def scene_of(slave: Mapping[str, Any]) -> str | None:
 def drawing(slave: Mapping[str, Any]) -> dict[str, Any]:
     """Return a page's drawing of the scene, from known slave parameters, in SI units.
 
+    It shows the plane through the tool along x and z as far as the hand reaches.
+
     Returns
     -------
     dict
@@ -224,13 +222,13 @@ def drawing(slave: Mapping[str, Any]) -> dict[str, Any]:
     """
     name = scene_of(slave)
     if name is None or slave["device"] != VIRTUAL:
-        (left, right), _ = VIEW
+        (left, right), _ = HAND_REACH
         plane = {} if name is None else {name: [[[left, 0], [right, 0]]]}
-        return {"view": VIEW, "outlines": plane, "nodes": {}, "offset": [0, 0]}
+        return {"view": HAND_REACH, "outlines": plane, "nodes": {}, "offset": [0, 0]}
     scene = read_scene(Path(name))
     outlines = {
         name: [line.round(5).tolist() for line in lines]
-        for name, lines in scene.section(*VIEW, y=scene.start[1]).items()
+        for name, lines in scene.section(*HAND_REACH, y=scene.start[1]).items()
     }
     nodes = {
         each.name: np.column_stack([texture.speeds, texture.forces]).tolist()
@@ -238,4 +236,4 @@ def drawing(slave: Mapping[str, Any]) -> dict[str, Any]:
         if (texture := each.material.texture)
     }
     x, _, z = scene.start
-    return {"view": VIEW, "outlines": outlines, "nodes": nodes, "offset": [x, z]}
+    return {"view": HAND_REACH, "outlines": outlines, "nodes": nodes, "offset": [x, z]}

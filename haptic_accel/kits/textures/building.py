@@ -19,14 +19,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from haptic_accel import FloatArray, ParameterError, Provenance, TextureModel
-from haptic_accel.core import (
-    HIGH_PASS_FREQUENCY,
-    autocovariance,
-    from_polynomial,
-    levinson,
-    without_hand_motion,
-)
+from haptic_accel import FloatArray, ParameterError, Provenance, TextureModel, core
 from haptic_accel.core.parameters import check_positive_rate
 from haptic_accel.core.sampling import BoolArray, IntArray
 
@@ -157,7 +150,7 @@ class Recording:
         """
         from scipy import signal
 
-        own = without_hand_motion(self.acceleration, HIGH_PASS_FREQUENCY, self.rate)
+        own = core.without_hand_motion(self.acceleration, core.HIGH_PASS_FREQUENCY, self.rate)
         length = round(len(own) * rate / self.rate)
         acceleration = np.asarray(signal.resample(own, length)) if rate != self.rate else own
         old, new = np.arange(len(own)) / self.rate, np.arange(length) / rate
@@ -452,7 +445,7 @@ def _description(products: FloatArray, samples: IntArray, total: int) -> FloatAr
     """Return the description length of segments in nats, from their products and lengths."""
     covariance = products / samples[:, None]
     covariance[:, 0] += QUIETEST**2
-    _, variances = levinson(covariance)
+    _, variances = core.levinson(covariance)
     fit = samples / 2 * np.log(2 * np.pi * variances[:, -1])
     return np.asarray((PILOT_ORDER + 2) / 2 * np.log(samples) + np.log(total) + fit)
 
@@ -464,7 +457,7 @@ def _order(groups: Sequence[Sequence[Segment]]) -> int:
     """
     samples = np.array([sum(each.samples for each in group) for group in groups], dtype=float)
     covariance = np.array([_covariance(group)[: LARGEST_ORDER + 1] for group in groups])
-    _, variances = levinson(covariance)
+    _, variances = core.levinson(covariance)
     orders = np.arange(LARGEST_ORDER + 1)
     penalty = 2 * (orders + 1) * samples[:, None] / (samples[:, None] - orders - 2)
     criterion = (samples[:, None] * np.log(variances) + penalty).sum(axis=0) / samples.sum()
@@ -499,8 +492,8 @@ class _Plane:
         expected = np.array([growth.mean_power(group) for group in groups])
         # A group's mean power differs from the power at its mean speed and force.
         covariance *= (growth.power(labels) / expected)[:, None]
-        polynomials, variances = levinson(covariance)
-        lsf = np.array([from_polynomial(each) for each in polynomials])
+        polynomials, variances = core.levinson(covariance)
+        lsf = np.array([core.from_polynomial(each) for each in polynomials])
         deviation = np.sqrt(variances[:, -1])
         around = np.concatenate([_edge(segments, labels, self.largest), FRAME * self.largest])
         offsets = (around[:, None] - labels) / self.largest
@@ -547,8 +540,8 @@ class _Plane:
         weights, errors = [], []
         for known, held_out in folds:
             model = self.model(known, count)
-            polynomial, variances = levinson(_covariance(known)[: self.order + 1])
-            alike = variances[-1] * autocovariance(polynomial, LAGS - 1)
+            polynomial, variances = core.levinson(_covariance(known)[: self.order + 1])
+            alike = variances[-1] * core.autocovariance(polynomial, LAGS - 1)
             for each in held_out:
                 frequency, measured, modelled = _densities([each], model)
                 seen = np.maximum(0, 1 - np.arange(LAGS) / each.samples)

@@ -19,15 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_accel import FloatArray, ParameterError, Provenance, TextureModel
-from haptic_accel.core import (
-    HIGH_PASS_FREQUENCY,
-    from_polynomial,
-    levinson,
-    located,
-    read_xml,
-    without_hand_motion,
-)
+from haptic_accel import FloatArray, ParameterError, Provenance, TextureModel, core
 from haptic_accel.core.document import Document, read_json_document
 from haptic_accel.core.parameters import Specification, checked, shown, warn_once
 from haptic_accel.core.sampling import HIGHEST_RATE, LOWEST_RATE
@@ -356,7 +348,7 @@ def _from_signals(
     path: Path, signals: FloatArray, rate: float, calibration: float | None
 ) -> TextureModel:
     """Return the texture of signals of shape (axes, n), whose powers are added (DFT321)."""
-    own = [without_hand_motion(each, HIGH_PASS_FREQUENCY, rate) for each in signals]
+    own = [core.without_hand_motion(each, core.HIGH_PASS_FREQUENCY, rate) for each in signals]
     length = signals.shape[1]
     power = sum(np.abs(np.fft.rfft(each, 2 * length)) ** 2 for each in own)
     return _texture(path, path.stem, power * 2 / (rate * length), rate, calibration)
@@ -393,10 +385,12 @@ def _texture(
     lower = min(rate, RENDER_RATE)
     kept = density[: round((len(density) - 1) * lower / rate) + 1]
     if not kept.any():
-        raise ParameterError(f"{path}: is silent from {HIGH_PASS_FREQUENCY:g} to {lower / 2:g} Hz")
+        raise ParameterError(
+            f"{path}: is silent from {core.HIGH_PASS_FREQUENCY:g} to {lower / 2:g} Hz"
+        )
     followed = np.maximum(kept, FLOOR * kept.mean())
     covariance = np.fft.irfft(followed * lower / 2)
-    polynomial, variances = levinson(covariance[: LARGEST_ORDER + 1])
+    polynomial, variances = core.levinson(covariance[: LARGEST_ORDER + 1])
     speeds, forces = (FRAME * REFERENCE).T
     scale = "m/s^2, as in the file" if calibration is None else f"{calibration:g} m/s^2 at 1"
     return TextureModel(
@@ -404,7 +398,7 @@ def _texture(
         lower,
         speeds,
         forces,
-        lsf=np.tile(from_polynomial(polynomial), (len(FRAME), 1)),
+        lsf=np.tile(core.from_polynomial(polynomial), (len(FRAME), 1)),
         deviation=np.where(FRAME.all(axis=1), np.sqrt(variances[-1]), 0.0),
         provenance=Provenance(source=path.name, calibration=scale),
     )
@@ -445,9 +439,9 @@ def read_hatt(path: Path) -> TextureModel:
         The file cannot be read, has another format, or contains no valid model; the message is one
         line.
     """
-    with located(path, "not XML"):
-        model_set = read_xml(path)
-    with located(path):
+    with core.located(path, "not XML"):
+        model_set = core.read_xml(path)
+    with core.located(path):
         return _model(model_set, path.stem)
 
 
