@@ -23,16 +23,8 @@ from haptic_accel.core.parameters import Checked, ParameterError, like, paramete
 from haptic_accel.devices import sound_calibration
 from haptic_accel.devices.audio import AUDIO, AudioParameters, recorded
 from haptic_accel.devices.interface import DeviceError
-from haptic_accel.devices.serial.calibration import (
-    POSES,
-    AxesCalibration,
-    Calibration,
-    CalibrationError,
-    Rest,
-    calibrate,
-    calibrate_axes,
-    rest,
-)
+from haptic_accel.devices.serial import calibration
+from haptic_accel.devices.serial.calibration import AxesCalibration, Calibration, CalibrationError
 from haptic_accel.devices.serial.device import HIGHEST_BOARD_RATE, PortParameters
 from haptic_accel.devices.sound_bench import NO_ARM
 from haptic_accel.setup.files import EVERY_NODE, parameter_text
@@ -356,23 +348,23 @@ def _one_axis(arguments: CalibrateArguments, board: BoardSamples) -> Calibration
         input(f"hold the {arguments.axis} axis {way}, firm and still, then press Enter\n")
         rests += _rests(arguments, board)
     up, down = rests
-    return calibrate(up, down, board.identity.nominal_gain)
+    return calibration.calibrate(up, down, board.identity.nominal_gain)
 
 
 def _all_axes(arguments: CalibrateArguments, board: BoardSamples) -> AxesCalibration:
     """Calibrate all axes with handle or tool in all poses that the user does not skip."""
     poses = {}
-    for name in POSES:
+    for name in calibration.POSES:
         held = f"hold the {HELD[arguments.side]} with its {name}, firm and still, then press Enter"
         if input(f"{held}; or type {SKIP} to skip\n").strip() != SKIP:
             poses[name] = _rests(arguments, board)
-    return calibrate_axes(poses, board.identity.nominal_gain)
+    return calibration.calibrate_axes(poses, board.identity.nominal_gain)
 
 
-def _rests(arguments: CalibrateArguments, board: BoardSamples) -> list[Rest]:
+def _rests(arguments: CalibrateArguments, board: BoardSamples) -> list[calibration.Rest]:
     """Measure each sampled axis at rest from now on."""
     counts = board.collect(arguments.seconds)
-    return [rest(axis, board.identity.nominal_gain) for axis in counts.T]
+    return [calibration.rest(axis, board.identity.nominal_gain) for axis in counts.T]
 
 
 def _parameters(

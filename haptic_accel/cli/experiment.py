@@ -17,12 +17,6 @@ from pathlib import Path
 import click
 
 from haptic_accel.analysis import experiment as table
-from haptic_accel.analysis.experiment import (
-    Run,
-    recorded_conditions,
-    run_lockstep,
-    write_experiment,
-)
 from haptic_accel.analysis.loading import analyse
 from haptic_accel.analysis.metrics import MILLI
 from haptic_accel.cli import options
@@ -126,16 +120,16 @@ def experiment(
         folder = results_folder(out, unfinished=UNFINISHED)
         if not lockstep:
             click.echo(arrangement(processes[0]))
-        conditions = recorded_conditions(plan, folder / "bags", channel, lockstep)
+        conditions = table.recorded_conditions(plan, folder / "bags", channel, lockstep)
         (folder / UNFINISHED).touch()  # marks the folder for the continuation
         again = () if out else (next_command(*sys.argv[1:], "--out", str(folder)),)
         study = (conditions, "conditions", str, Journal(folder / UNFINISHED, *again))
         if lockstep:
-            found, end = run_side_by_side(workers, run_lockstep, *study)
+            found, end = run_side_by_side(workers, table.run_lockstep, *study)
         else:
             found, end = run_study(_run_live, *study)
     done = {conditions[index].bag: conditions[index].arguments for index in found}
-    run = Run(arguments, done, channel, lockstep, {})
+    run = table.Run(arguments, done, channel, lockstep, {})
     whole = not done or _report(run, folder, json_file, workers)
     if end or not whole:
         raise end or StoppedError
@@ -200,14 +194,14 @@ def _run_live(
             return
 
 
-def _report(run: Run, folder: Path, json_file: Path | None, workers: Workers) -> bool:
+def _report(run: table.Run, folder: Path, json_file: Path | None, workers: Workers) -> bool:
     """Analyse the bags; print results, and write report and JSON; return true if all succeeded."""
     with stop_on_signal() as stop:
         analysis = analyse(list(run.done), spread=partial(workers.map, stop=stop))
     if not run.lockstep:
         run = replace(run, expected=_in_lockstep(run.done, workers))
     warnings = list(table.experiment_warnings(analysis, composed=run.arguments.composed))
-    page = write_experiment(run, analysis, folder, *warnings)
+    page = table.write_experiment(run, analysis, folder, *warnings)
     save(table.experiment_metrics(run, analysis), json_file)
     if comparison := table.lockstep_comparison(analysis, run.expected):
         print_table(comparison)

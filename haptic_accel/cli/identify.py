@@ -16,13 +16,8 @@ from typing import Any, TypeAlias
 
 import click
 
-from haptic_accel.analysis import identification
-from haptic_accel.analysis.identification_result import (
-    PARAMETER_FILE,
-    Result,
-    parameter_table,
-    write_report,
-)
+from haptic_accel.analysis import identification, identification_result
+from haptic_accel.analysis.identification_result import Result, parameter_table, write_report
 from haptic_accel.cli import options, output
 from haptic_accel.cli.running import run_to_end, shown_stages, stop_on_signal
 from haptic_accel.cli.tables import print_table
@@ -160,7 +155,7 @@ def identify(
         run = "recordings: " + ", ".join(sources)
     described = asdict(replace(arguments, latency=result.latency))
     settings = {name: str(value) for name, value in described.items() if value != ""}
-    parameters, model = folder / PARAMETER_FILE, Path(result.model_file)
+    parameters, model = folder / identification_result.PARAMETER_FILE, Path(result.model_file)
     if result.model_file:
         output.save(result.metrics(), folder / model)
     nodes = result.parameters(recorded.age, model)

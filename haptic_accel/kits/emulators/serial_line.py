@@ -19,18 +19,7 @@ from haptic_accel.core import ZERO, Engagement, EngagementParameters, SafetyPara
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import SimulatedDevice
 from haptic_accel.devices.serial import protocol
-from haptic_accel.devices.serial.protocol import (
-    CLOCKS,
-    FULL_SCALE,
-    Configuration,
-    ErrorCode,
-    Frame,
-    FrameType,
-    Identity,
-    ScheduleCurrent,
-    SetCurrent,
-    State,
-)
+from haptic_accel.devices.serial.protocol import CLOCKS, FULL_SCALE, ErrorCode, FrameType, State
 from haptic_accel.kits.emulators.faults import DROP, GARBAGE, STALL, UNPLUG, Faults
 from haptic_accel.kits.emulators.pseudo_terminal import BUFFER, PseudoTerminal
 
@@ -66,7 +55,7 @@ tick later, a quarter per tick is the fastest correction without overshoot."""
 DRIVING = FrameType.ARM, FrameType.SET_CURRENT, FrameType.SCHEDULE_CURRENT
 """Types of frames for an actuator."""
 
-SILENT = Configuration(0, 0, 0)
+SILENT = protocol.Configuration(0, 0, 0)
 """Configuration before the host has sent one."""
 
 
@@ -100,7 +89,7 @@ class Board:
         self._encoder = protocol.Encoder()
         self.state = State.DISARMED
         self._switch_off()
-        self._scheduled: list[ScheduleCurrent] = []
+        self._scheduled: list[protocol.ScheduleCurrent] = []
         self._last_tick: int | None = None
         self._index = 0
         self._pending: list[int] = []
@@ -163,7 +152,7 @@ class Board:
         if self.state is not State.FAULT:
             self.state = State.DISARMED
 
-    def _execute(self, frame: Frame, now: int) -> None:
+    def _execute(self, frame: protocol.Frame, now: int) -> None:
         refusal = self._refusal(frame)
         if refusal:
             self._send(protocol.Error(refusal, frame.type, frame.sequence), now)
@@ -173,7 +162,7 @@ class Board:
                 self._send(self._identity, now)
             case protocol.Configure() as asked:
                 # At a rate of 0, the other fields have no meaning.
-                self._configure(Configuration(**vars(asked)) if asked.rate else SILENT)
+                self._configure(protocol.Configuration(**vars(asked)) if asked.rate else SILENT)
                 self._send(self.configuration, now)
             case protocol.Align(tick, period):
                 self._grid, self._grid_fraction, self._grid_period = tick, 0, period
@@ -185,10 +174,10 @@ class Board:
                     self._enter(State.ARMED, now)
             case protocol.DisarmRequest():
                 self._enter(State.DISARMED, now)
-            case SetCurrent() | ScheduleCurrent() as set_point:
+            case protocol.SetCurrent() | protocol.ScheduleCurrent() as set_point:
                 self._receive_set_point(set_point, now)
 
-    def _refusal(self, frame: Frame) -> ErrorCode | None:
+    def _refusal(self, frame: protocol.Frame) -> ErrorCode | None:
         """Return the reason for rejecting a frame; None to accept it."""
         if frame.version != protocol.VERSION:
             return ErrorCode.VERSION
@@ -221,7 +210,7 @@ class Board:
         rate = self.configuration.rate
         return rate > 0 and abs(period * rate - SECOND) <= SECOND // TOLERANCE
 
-    def _configure(self, configuration: Configuration) -> None:
+    def _configure(self, configuration: protocol.Configuration) -> None:
         """Restart sampling, with ticks that do not follow a grid yet."""
         rate = configuration.rate
         self.configuration = configuration
@@ -254,8 +243,10 @@ class Board:
         assert self._last_tick is not None
         return 2 * MICROSECOND * difference(due, self._last_tick) <= self.period
 
-    def _receive_set_point(self, set_point: SetCurrent | ScheduleCurrent, now: int) -> None:
-        scheduled = set_point if isinstance(set_point, ScheduleCurrent) else None
+    def _receive_set_point(
+        self, set_point: protocol.SetCurrent | protocol.ScheduleCurrent, now: int
+    ) -> None:
+        scheduled = set_point if isinstance(set_point, protocol.ScheduleCurrent) else None
         too_early = scheduled and difference(scheduled.due, now) > LONGEST_LEAD
         if too_early or self.state not in (State.ARMED, State.TIMED_OUT):
             self._refused += 1
@@ -268,7 +259,7 @@ class Board:
             self._scheduled.clear()
             self._apply(set_point)
 
-    def _schedule(self, set_point: ScheduleCurrent) -> None:
+    def _schedule(self, set_point: protocol.ScheduleCurrent) -> None:
         """Store a set-point until its tick, in order of due times."""
         if self._passed(set_point.due):
             self._late += 1
@@ -281,7 +272,7 @@ class Board:
                 index -= 1
             self._scheduled.insert(index, set_point)
 
-    def _apply(self, set_point: SetCurrent | ScheduleCurrent) -> None:
+    def _apply(self, set_point: protocol.SetCurrent | protocol.ScheduleCurrent) -> None:
         self.currents = tuple(max(-protocol.FULL_SCALE, counts) for counts in set_point.counts)
 
     def _switch_off(self) -> None:
@@ -355,7 +346,7 @@ class EmulatedBoard:
 
     def __init__(
         self,
-        identity: Identity,
+        identity: protocol.Identity,
         path: Path,
         measure: Callable[[float], Vector],
         drive: Callable[[float, Vector], None] | None = None,

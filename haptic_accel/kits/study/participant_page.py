@@ -22,13 +22,8 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from haptic_accel.core.document import read_yaml_document
 from haptic_accel.core.parameters import shown
-from haptic_accel.kits.study.trials import (
-    Answer,
-    PlannedTrial,
-    Screen,
-    StoppedError,
-    UndeliveredError,
-)
+from haptic_accel.kits.study import trials
+from haptic_accel.kits.study.trials import Answer, Screen, StoppedError, UndeliveredError
 from haptic_accel.materials import config_folder
 from haptic_accel.scope import LOCAL_HOST, Access, CommandError, ScopeServer, Touched, check_choice
 
@@ -230,7 +225,7 @@ class ParticipantPage:
             self._questions.wait(lambda: bool(self._sign or self._stopped))
             self._check_stop()
 
-    def ask(self, screen: Screen, trial: PlannedTrial | None = None) -> Answer:
+    def ask(self, screen: Screen, trial: trials.PlannedTrial | None = None) -> Answer:
         """Show a screen, and return one of its answers; raise as `show` does."""
         self._put(screen)
         self._questions.wait(lambda: bool(self._questions.answer or self._stopped))

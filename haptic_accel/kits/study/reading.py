@@ -21,17 +21,9 @@ from typing import Any
 from haptic_accel import Checked, ParameterError
 from haptic_accel.core.document import Document, read_yaml_document
 from haptic_accel.core.parameters import Specification, own_schema, schema
+from haptic_accel.kits.study import protocol as protocols
 from haptic_accel.kits.study.procedures import TASKS, Plan, rows, written
-from haptic_accel.kits.study.protocol import (
-    Condition,
-    Consent,
-    Levels,
-    Pair,
-    PlannedTest,
-    Procedure,
-    Protocol,
-    Value,
-)
+from haptic_accel.kits.study.protocol import Condition, Levels, Pair, PlannedTest, Protocol, Value
 from haptic_accel.setup.arguments import ConditionArguments, DeviceArguments
 
 _PARTS: list[tuple[str, Any]] = [(each.name, each.default_factory) for each in fields(Protocol)]
@@ -105,7 +97,7 @@ def read_protocol(path: Path) -> Protocol:
     protocol = Protocol(
         **texts,
         **{name: _section(file.get(name, {}), kind) for name, kind in SECTIONS.items()},
-        consent=Consent(*_required(file.at("consent"), "version", "text")),
+        consent=protocols.Consent(*_required(file.at("consent"), "version", "text")),
         language=file.get("language", Protocol.language).text(),
         graph=_graph(file.get("graph", {})),
         factors=factors,
@@ -304,7 +296,7 @@ def _check_design(file: Document, protocol: Protocol) -> None:
     """Refuse an order or a procedure that does not suit the protocol."""
     order, kind, block_by = file.get("order", {}), protocol.order.kind, protocol.order.block_by
     procedure = protocol.procedure.kind
-    known = {name: each.text for name, (_, each) in own_schema(Procedure).items()}
+    known = {name: each.text for name, (_, each) in own_schema(protocols.Procedure).items()}
     # The description of a key for only some procedures starts with their names.
     used = [name for name, text in known.items() if procedure in text or ":" not in text]
     file.get("procedure", {}).check_keys(*used)

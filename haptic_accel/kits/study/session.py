@@ -32,13 +32,7 @@ from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.log import CONSENT, END, SESSION, SITTING, TRIAL, Entries, trial_entry
 from haptic_accel.kits.study.procedures import DIFFERENT, SAME, Plan, distance, labels, written
 from haptic_accel.kits.study.protocol import Bounds, Condition, Protocol
-from haptic_accel.kits.study.trials import (
-    Answer,
-    PlannedTrial,
-    PresentedStimulus,
-    Screen,
-    SessionRecord,
-)
+from haptic_accel.kits.study.trials import Answer, PlannedTrial, PresentedStimulus, Screen
 
 NO_CONSENT = "no consent"
 """Reason of a session's end without the participant's consent."""
@@ -402,7 +396,7 @@ class SimulatedRig:
         """Do nothing, as a simulated rig has no forces."""
 
 
-def simulate_session(protocol: Protocol, log: Entries) -> SessionRecord:
+def simulate_session(protocol: Protocol, log: Entries) -> trials.SessionRecord:
     """Run a session from the end of its log, with a simulated observer and without delays."""
     begun = log.record
     plan = Plan(protocol, begun.seed, begun.row)
@@ -411,7 +405,7 @@ def simulate_session(protocol: Protocol, log: Entries) -> SessionRecord:
     return Session(protocol, plan, log, rig, observer, sleep=lambda _: None).run()
 
 
-def simulate_study(protocol: Protocol, participants: int, seed: int) -> list[SessionRecord]:
+def simulate_study(protocol: Protocol, participants: int, seed: int) -> list[trials.SessionRecord]:
     """Return the sessions of a study with simulated observers."""
     found = []
     for row, own in enumerate(seeds(participants, seed)):
@@ -423,7 +417,7 @@ def simulate_study(protocol: Protocol, participants: int, seed: int) -> list[Ses
     return found
 
 
-def write_simulated(study: Study, participants: int, seed: int) -> Iterator[SessionRecord]:
+def write_simulated(study: Study, participants: int, seed: int) -> Iterator[trials.SessionRecord]:
     """Write sessions of simulated observers to a study's folder, and yield them."""
     for row, own in enumerate(seeds(participants, seed)):
         with study.begin(pseudonym(row), own, simulated=True) as log:
