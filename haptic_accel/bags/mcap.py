@@ -55,12 +55,8 @@ _ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
 # Record of a message up to its data: RECORD and MESSAGE_HEADER as a numpy type.
 _HEAD = np.dtype(
     [
-        ("kind", "u1"),
-        ("length", "<u8"),
-        ("channel", "<u2"),
-        ("sequence", "<u4"),
-        ("time", "<u8"),
-        ("publish_time", "<u8"),
+        *[("kind", "u1"), ("length", "<u8"), ("channel", "<u2")],
+        *[("sequence", "<u4"), ("time", "<u8"), ("publish_time", "<u8")],
     ]
 )
 

@@ -398,10 +398,7 @@ def _stored_blocks(source: Path, problems: list[str], custom: dict[str, str]) ->
         mcap = McapFile(source)
         blocks = mcap.blocks()
     else:
-        for end in (
-            "-wal",
-            "-journal",
-        ):  # SQLite's pending messages
+        for end in ("-wal", "-journal"):  # SQLite's pending messages
             if os.path.exists(f"{source}{end}") and os.path.getsize(f"{source}{end}"):
                 advice = "sqlite3 adds its messages when it opens the file once"
                 problems.append(f"{source.name}{end} is not read: {advice}")

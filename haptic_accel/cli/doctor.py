@@ -85,9 +85,8 @@ def examine(arguments: AudioTrialArguments, json_file: Path | None) -> None:
             return
         if preset := audio.PRESETS.get(arguments.preset):
             print(f"assumed: {preset.assumed}", f"to be identified: {preset.unknown}", sep="\n")
-        _write(
-            path, *_tested(audio.AudioParameters(preset=arguments.preset, device=arguments.device))
-        )
+        named = audio.AudioParameters(preset=arguments.preset, device=arguments.device)
+        _write(path, *_tested(named))
     except DeviceError as error:
         raise StoppedError(str(error)) from None
     except EOFError:

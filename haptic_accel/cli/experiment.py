@@ -104,14 +104,12 @@ def experiment(
     keys = assigned_keys(words)
     arguments = _checked(names.parse_arguments(words), keys, seeds, lockstep)
     channel = _channel(delay, jitter, loss, lockstep)
+    is_one = "surface" in keys or arguments.slave == names.VIRTUAL
+    surfaces = [arguments.surface] if is_one else names.SURFACES
     plan = [
         replace(arguments, surface=surface, controller=controller, seed=arguments.seed + seed)
         for seed in range(seeds)
-        for surface in (
-            [arguments.surface]
-            if "surface" in keys or arguments.slave == names.VIRTUAL
-            else names.SURFACES
-        )
+        for surface in surfaces
         for controller in ([arguments.controller] if "controller" in keys else controllers)
     ]
     # Find all wrong arguments before any run.
@@ -184,12 +182,8 @@ def _run_live(
 
         run_to_end(Supervisor(graph(replace(arguments, bag=str(bag)))), is_stopped)
         trials = analyse([bag]).trials
-        yield (
-            index,
-            table.condition_line(
-                arguments, trials[0].metrics["nrmse_percent"] if trials else math.nan
-            ),
-        )
+        error = trials[0].metrics["nrmse_percent"] if trials else math.nan
+        yield index, table.condition_line(arguments, error)
         if stop():
             return
 

@@ -95,16 +95,16 @@ def _dropping(stream: Any, act: Callable[..., Any], lost: list[OSError]) -> Call
             raise
         except OSError as error:
             lost.append(error)
-            drop_output(stream)
+            drop_output(stream.fileno())
             return len("".join(text))
 
     return call
 
 
-def drop_output(stream: Any) -> None:
+def drop_output(descriptor: int) -> None:
     """Redirect a standard stream to the null device, as Python would repeat a failed write."""
     null = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(null, stream.fileno())
+    os.dup2(null, descriptor)
     os.close(null)
 
 

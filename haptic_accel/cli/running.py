@@ -20,7 +20,7 @@ from typing import Any, TextIO
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from haptic_accel.cli.output import GONE, StoppedError, next_command
+from haptic_accel.cli.output import GONE, StoppedError, drop_output, next_command
 from haptic_accel.core import process
 from haptic_accel.core.parameters import printable
 from haptic_accel.graph.locks import sole_graph
@@ -118,11 +118,8 @@ def _lose_output() -> None:
     """Redirect standard output to the null device, and standard error if it has no reader."""
     poller = select.poll()
     poller.register(2, 0)
-    lost = (1, 2) if poller.poll(0) else (1,)
-    null = os.open(os.devnull, os.O_WRONLY)
-    for descriptor in lost:
-        os.dup2(null, descriptor)
-    os.close(null)
+    for descriptor in (1, 2) if poller.poll(0) else (1,):
+        drop_output(descriptor)
 
 
 def run_to_end(supervisor: Supervisor, stop: Callable[[], bool], interrupted: str = "") -> None:

@@ -157,9 +157,8 @@ def simulate(
     by_test = zip(protocol.tests, zip(*outcomes, strict=True), strict=bool(outcomes))
     powers = [power(test.name, significant) for test, significant in by_test]
     print(f"{len(outcomes)} simulated studies with {count} participants")
-    commands.print_table(
-        commands.ResultTable.of(POWER, powers, title=titled(protocol, simulated=True).title)
-    )
+    title = titled(protocol, simulated=True).title
+    commands.print_table(commands.ResultTable.of(POWER, powers, title=title))
     commands.save([asdict(each) for each in powers], json_file)
     if end:
         raise end
@@ -208,9 +207,8 @@ def status(study: folders.Study, json_file: Path | None) -> None:
     rows = [_status(study, session) for session in sessions]
     complete = sum(row["state"] == COMPLETE for row in rows)
     planned = study.protocol.rules.participants
-    commands.print_table(
-        commands.ResultTable.of(STATUS, rows, title=titled(study.protocol, sessions).title)
-    )
+    title = titled(study.protocol, sessions).title
+    commands.print_table(commands.ResultTable.of(STATUS, rows, title=title))
     print(f"{complete} of {planned} participants complete")
     unblinded = _unblinded(study)
     print(f"unblinded on {unblinded}" if unblinded else "conditions are sealed")
@@ -229,9 +227,8 @@ def verify(study: folders.Study) -> None:
     ends = study.ends
     rows = [{**asdict(each), "at": _date(each.at)} for each in ends]
     sessions = study.sessions
-    commands.print_table(
-        commands.ResultTable.of(ENDS, rows, title=titled(study.protocol, sessions).title)
-    )
+    title = titled(study.protocol, sessions).title
+    commands.print_table(commands.ResultTable.of(ENDS, rows, title=title))
     _print_doubts(study)
     print(f"{len(sessions)} logs do not contradict the journal")
 
@@ -272,9 +269,8 @@ def analyze(study: folders.Study) -> None:
     for participant, rule in result.excluded.items():
         print(f"{participant} is excluded: {rule}")
     if result.planned:
-        commands.print_table(
-            commands.ResultTable.of(PLANNED, result.planned, title=result.protocol.title)
-        )
+        title = result.protocol.title
+        commands.print_table(commands.ResultTable.of(PLANNED, result.planned, title=title))
     print(f"report: {page}")
 
 

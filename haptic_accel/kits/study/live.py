@@ -12,16 +12,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from haptic_accel import (
-    ChannelParameters,
-    GraphArguments,
-    ParameterError,
-    graph,
-    nodes,
-    scope,
-    setup,
-)
+from haptic_accel import ChannelParameters, GraphArguments, graph, nodes, scope, setup
 from haptic_accel.core import NO_CONTROLLER, RAMP
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.conditions import arguments, channel, live
 from haptic_accel.kits.study.exposure import WeightedDose
 from haptic_accel.kits.study.protocol import Condition, Protocol, Value
@@ -259,9 +252,8 @@ class LiveRig:
         settling = SETTLING + (NETWORK_SETTLING if network else 0.0)
         due = time.monotonic() + SETTING + settling
         gain = float(settings.get("gain", 1.0))
-        changes = [
-            make(settings[name]) for name, make in nodes.SETTINGS.items() if name in settings
-        ]
+        makers = nodes.SETTINGS.items()
+        changes = [make(settings[name]) for name, make in makers if name in settings]
         if "controller" in settings:  # otherwise an unchanged controller would keep its adaptation
             self._joined.send(nodes.set_controller(NO_CONTROLLER))
         self._joined.change(changes)

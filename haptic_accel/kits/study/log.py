@@ -304,10 +304,9 @@ def trial_of(entry: Entry) -> trials.TrialRecord:
     content = unseal(entry["sealed"])
     trial, answer = content["trial"], content["answer"]
     stimuli = tuple(_condition(each["settings"]) for each in trial["stimuli"])
+    planned = trial | {"stimuli": stimuli, "answers": tuple(trial["answers"])}
     return trials.TrialRecord(
-        trial=trials.PlannedTrial(
-            **trial | {"stimuli": stimuli, "answers": tuple(trial["answers"])}
-        ),
+        trial=trials.PlannedTrial(**planned),
         presented=tuple(trials.PresentedStimulus(**each) for each in content["presented"]),
         answer=trials.Answer(**answer) if answer else None,
         flaw=content["flaw"],

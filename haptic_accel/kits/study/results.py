@@ -248,14 +248,13 @@ def _preferences(protocol: Protocol, trials: planned_tests.Trials) -> Iterator[R
         for participant, own in planned_tests.by_participant(trials).items()
         if math.isfinite(share := planned_tests.preference(own, str(condition)))
     ]
+    strips = _strips(shares, "share_of_preference")
     yield Result(
         "preferences",
         "Share of preference",
         "Share of the trials with a condition in which each participant preferred it.",
         shares,
-        plots.strips(
-            _strips(shares, "share_of_preference"), planned_tests.NAMES["preferred"], 0.5
-        ),
+        plots.strips(strips, planned_tests.NAMES["preferred"], 0.5),
     )
     try:
         worths = choices.bradley_terry(
@@ -263,20 +262,16 @@ def _preferences(protocol: Protocol, trials: planned_tests.Trials) -> Iterator[R
         )
     except ValueError:  # the compared pairs do not connect all conditions
         return
+    by_name = dict(zip(names.values(), worths, strict=True))
     yield Result(
         "worths",
         "Worth of each condition",
         "Log worths by Bradley and Terry: the odds that one condition is preferred to another are"
         " the exponential of the difference of theirs. Intervals are of a jackknife over the"
         " participants.",
-        [
-            {"condition": name, "log_worth": worth}
-            for name, worth in zip(names.values(), worths, strict=True)
-        ],
+        [{"condition": name, "log_worth": worth} for name, worth in by_name.items()],
         plots.strips(
-            {name: Strip((), worth) for name, worth in zip(names.values(), worths, strict=True)},
-            "log worth",
-            0.0,
+            {name: Strip((), worth) for name, worth in by_name.items()}, "log worth", 0.0
         ),
     )
 

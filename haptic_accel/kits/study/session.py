@@ -110,9 +110,7 @@ class Session:
             with suppress(trials.StoppedError, trials.UndeliveredError):
                 if reason:
                     self.log.add(END, reason=reason, dose=self._new_dose())
-                self.participant.show(
-                    self._screen("end" if reason == trials.COMPLETE else "stopped")
-                )
+                self._show("end" if reason == trials.COMPLETE else "stopped")
         return self.log.record
 
     @property
