@@ -203,8 +203,12 @@ class Rigged:
 
 
 GEARED = {
-    **{"joint1__gear_ratio": 8.0, "joint1__direction": -1, "joint2__gear_ratio": 5.0},
-    **{"joint2__offset": 0.3, "joint3__node_id": 17, "joint3__direction": -1},
+    "joint1__gear_ratio": 8.0,
+    "joint1__direction": -1,
+    "joint2__gear_ratio": 5.0,
+    "joint2__offset": 0.3,
+    "joint3__node_id": 17,
+    "joint3__direction": -1,
 }
 
 

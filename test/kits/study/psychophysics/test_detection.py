@@ -44,8 +44,11 @@ INTERVALS = [
 # Least number of correct answers that is significant at 10, 5, 1 and 0.1 % in triangle tests:
 # FAO, Guidelines for sensory evaluation, V7180E, appendix A (also ISO 4120).
 TRIANGLE_TABLE = {
-    **{10: (6, 7, 8, 9), 20: (10, 11, 13, 14), 30: (14, 15, 17, 19)},
-    **{60: (26, 27, 30, 33), 96: (39, 41, 44, 48)},
+    10: (6, 7, 8, 9),
+    20: (10, 11, 13, 14),
+    30: (14, 15, 17, 19),
+    60: (26, 27, 30, 33),
+    96: (39, 41, 44, 48),
 }
 
 
