@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -14,13 +13,11 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import pytest
 
-from browsing import done, violations
+from browsing import done, running, shown, violations
 from haptic_accel.analysis import experiment, load
 from haptic_accel.analysis.frames import compared
 from haptic_accel.analysis.writing import write_analysis
-from haptic_accel.scope.access import Access
 from haptic_accel.scope.paced_rig import PacedRig
-from haptic_accel.scope.server import ScopeServer
 from haptic_accel.setup.arguments import GraphArguments
 from nightly import rest_slow
 from running import wait_until
@@ -58,21 +55,12 @@ class GraphOfRig(PacedRig):
 @contextmanager
 def scope(browser: Browser, scheme: Scheme, *, control: bool) -> Iterator[tuple[Page, GraphOfRig]]:
     """Open the live page of a graph."""
-    rig, ended = GraphOfRig(), threading.Event()
-    server = ScopeServer(rig, Access("127.0.0.1"), "127.0.0.1", 0, done if control else None)
-    thread = threading.Thread(target=rig.run, args=(ended.is_set,))
-    thread.start()
-    page = browser.new_page(viewport={"width": 1280, "height": 900}, color_scheme=scheme)
-    try:
-        page.goto(server.start())
+    rig, act = GraphOfRig(), done if control else None
+    look = {"viewport": {"width": 1280, "height": 900}, "color_scheme": scheme}
+    with running(rig), shown(browser, rig, act, **look) as page:
         wait_until(lambda: page.locator("#nodes li").count() == len(rig.state()["nodes"]), "nodes")
         wait_until(lambda: page.locator("#nrmse").inner_text() != "–", "metrics")
         yield page, rig
-    finally:
-        page.close()
-        ended.set()
-        thread.join()
-        server.stop()
 
 
 @SCHEMES

@@ -13,9 +13,7 @@ import numpy as np
 import pytest
 from sound_servers import CONTROLLER, RATE, SPEAKERS, Recording, SoundServer, sound_server
 
-from browsing import Tones, chromium, violations
-from haptic_accel.scope.access import Access
-from haptic_accel.scope.server import ScopeServer
+from browsing import Tones, chromium, shown, violations
 from nightly import rest_slow
 from running import wait_until
 
@@ -50,15 +48,9 @@ def tones() -> Iterator[Tones]:
 
 @pytest.fixture
 def page(loud: Browser, tones: Tones) -> Iterator[Page]:
-    address = ScopeServer(tones, Access("127.0.0.1"), "127.0.0.1", 0)
-    opened = loud.new_page(permissions=["microphone"], viewport={"width": 1280, "height": 900})
-    complaints: list[str] = []
-    opened.on("pageerror", lambda error: complaints.append(str(error)))
-    opened.goto(address.start())
-    yield opened
-    opened.close()
-    address.stop()
-    assert complaints == []
+    size = {"width": 1280, "height": 900}
+    with shown(loud, tones, permissions=["microphone"], viewport=size) as opened:
+        yield opened
 
 
 def choose(page: Page, output: str, grips: str = "") -> None:
@@ -214,27 +206,19 @@ def test_an_output_that_goes_away_is_said_and_sound_is_off(
 
 
 def test_without_permission_the_page_says_what_to_do(loud: Browser, tones: Tones) -> None:
-    address = ScopeServer(tones, Access("127.0.0.1"), "127.0.0.1", 0)
-    opened = loud.new_page()
-    opened.goto(address.start())
-    opened.locator("#sound-outputs").click()
-    note = opened.locator("#sound-output-note")
-    wait_until(lambda: "allow the microphone" in note.inner_text(), "what to do")
-    opened.close()
-    address.stop()
+    with shown(loud, tones) as opened:
+        opened.locator("#sound-outputs").click()
+        note = opened.locator("#sound-output-note")
+        wait_until(lambda: "allow the microphone" in note.inner_text(), "what to do")
 
 
 def test_a_browser_that_cannot_choose_says_so_in_one_sentence(loud: Browser, tones: Tones) -> None:
-    address = ScopeServer(tones, Access("127.0.0.1"), "127.0.0.1", 0)
-    opened = loud.new_page()
-    opened.add_init_script("delete AudioContext.prototype.setSinkId")  # as in Firefox
-    opened.goto(address.start())
-    wait_until(lambda: opened.locator("#sound-outputs").is_hidden(), "no button")
-    said = opened.locator("#sound-output-note").inner_text()
+    as_in_firefox = "delete AudioContext.prototype.setSinkId"
+    with shown(loud, tones, script=as_in_firefox) as opened:
+        wait_until(lambda: opened.locator("#sound-outputs").is_hidden(), "no button")
+        said = opened.locator("#sound-output-note").inner_text()
     assert said.startswith("To feel it in a game controller, open this page in Chromium, Chrome")
     assert said.count(".") == 1
-    opened.close()
-    address.stop()
 
 
 @pytest.mark.parametrize("scheme", rest_slow(["light", "dark"]))

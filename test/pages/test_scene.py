@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pytest
 
-from browsing import QuietGraph, done
-from haptic_accel.scope.access import Access
-from haptic_accel.scope.server import ScopeServer
+from browsing import QuietGraph, done, shown
 from nightly import rest_slow
 from running import wait_until
 
@@ -65,18 +63,10 @@ def bench() -> Bench:
 
 @pytest.fixture
 def page(browser: Browser, bench: Bench) -> Iterator[Page]:
-    server = ScopeServer(bench, Access("127.0.0.1"), "127.0.0.1", 0, done)
-    opened = browser.new_page(viewport={"width": 900, "height": 900})
-    complaints: list[str] = []
-    opened.on("pageerror", lambda error: complaints.append(str(error)))
-    opened.goto(server.start())
-    wait_until(
-        lambda: bool(opened.evaluate("hapticScene.counters.drawn > 0")), "the scene is drawn"
-    )
-    yield opened
-    opened.close()
-    server.stop()
-    assert complaints == []
+    with shown(browser, bench, done, viewport={"width": 900, "height": 900}) as opened:
+        drawn = "hapticScene.counters.drawn > 0"
+        wait_until(lambda: bool(opened.evaluate(drawn)), "the scene is drawn")
+        yield opened
 
 
 def middle(page: Page) -> tuple[float, float, float]:

@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pytest
 
-from browsing import QuietGraph
+from browsing import QuietGraph, shown
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.scope.access import Access
-from haptic_accel.scope.server import ScopeServer
 from running import wait_until
 
 if TYPE_CHECKING:
@@ -80,15 +78,11 @@ def graph() -> Iterator[Stroking]:
 
 @pytest.fixture
 def page(browser: Browser, graph: Stroking) -> Iterator[Page]:
-    server = ScopeServer(graph, Access("127.0.0.1"), "127.0.0.1", 0)
-    opened = browser.new_page(viewport={"width": 900, "height": 900})
-    opened.goto(server.start())
-    see(opened, "#link", r"data -?\d\.\d\d s old")
-    see(opened, "#stop-state", "no stop")
-    yield opened
-    opened.close()
-    graph.going.set()
-    server.stop()
+    with shown(browser, graph, viewport={"width": 900, "height": 900}) as opened:
+        see(opened, "#link", r"data -?\d\.\d\d s old")
+        see(opened, "#stop-state", "no stop")
+        yield opened
+        graph.going.set()  # so that the server can be stopped
 
 
 def see(page: Page, place: str, pattern: str) -> str:

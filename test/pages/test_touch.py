@@ -5,16 +5,13 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import pytest
 
-from browsing import violations
-from haptic_accel.scope.access import Access
+from browsing import running, shown, violations
 from haptic_accel.scope.paced_rig import PacedRig
-from haptic_accel.scope.server import ScopeServer
 from nightly import rest_slow
 from running import wait_until
 
@@ -27,20 +24,10 @@ ERROR = "document.querySelector('.error b').textContent"
 @pytest.fixture
 def page(browser: Browser) -> Iterator[Page]:
     """Open the page of a rig that runs."""
-    rig, ended = PacedRig("plywood", "paper"), threading.Event()
-    server = ScopeServer(rig, Access("127.0.0.1"), "127.0.0.1", 0, rig.act)
-    thread = threading.Thread(target=rig.run, args=(ended.is_set,))
-    thread.start()
-    opened = browser.new_page(viewport={"width": 1280, "height": 900})
-    complaints: list[str] = []
-    opened.on("pageerror", lambda error: complaints.append(str(error)))
-    opened.goto(server.start())
-    yield opened
-    opened.close()
-    ended.set()
-    thread.join()
-    server.stop()
-    assert complaints == []
+    rig = PacedRig("plywood", "paper")
+    size = {"width": 1280, "height": 900}
+    with running(rig), shown(browser, rig, rig.act, viewport=size) as opened:
+        yield opened
 
 
 def error(page: Page) -> float:

@@ -19,6 +19,9 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.scope.access import Access
+from haptic_accel.scope.paced_rig import PacedRig
+from haptic_accel.scope.server import Act, ScopeServer
 from haptic_accel.scope.windows import Windows
 from running import PATIENCE
 
@@ -123,6 +126,19 @@ class Tones(QuietGraph):
             time.sleep(0.005)
 
 
+@contextmanager
+def running(rig: PacedRig) -> Iterator[None]:
+    """Let a rig run meanwhile."""
+    ended = threading.Event()
+    thread = threading.Thread(target=rig.run, args=(ended.is_set,))
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
 async def done(action: str, value: Any) -> str:
     """Carry out nothing, for pages whose commands do not matter."""
     return f"{action}: {value}"
@@ -164,6 +180,31 @@ def chromium(sound: dict[str, str] | None = None) -> Iterator[Browser]:
         setattr(browser, "new_page", patient_page)  # noqa: B010
         yield browser
         browser.close()
+
+
+@contextmanager
+def shown(
+    browser: Browser, source: Any, act: Act | None = None, script: str = "", **options: Any
+) -> Iterator[Page]:
+    """Serve the live page and open it; an error of its scripts fails the test.
+
+    Parameters
+    ----------
+    script : str
+        Script that runs before those of the page.
+    """
+    server = ScopeServer(source, Access("127.0.0.1"), "127.0.0.1", 0, act)
+    opened = browser.new_page(**options)
+    complaints: list[str] = []
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.add_init_script(script)
+    try:
+        opened.goto(server.start())
+        yield opened
+    finally:
+        opened.close()
+        server.stop()
+    assert complaints == []
 
 
 def violations(page: Page) -> list[str]:
