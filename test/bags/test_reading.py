@@ -53,14 +53,11 @@ begins = st.integers(0, (2**31 - 1) * bag_maker.NANOSECONDS)
 """First stamps; samples follow each other by 1 ms."""
 
 
+namespaces = st.sampled_from(["", "/left", "/a/b"])
+
+
 @settings(max_examples=40)
-@given(
-    samples,
-    begins,
-    st.sampled_from(FORMATS),
-    st.booleans(),
-    st.sampled_from(["", "/left", "/a/b"]),
-)
+@given(samples, begins, st.sampled_from(FORMATS), st.booleans(), namespaces)
 def test_what_was_written_is_read(
     vectors: list[tuple[Any, str, tuple[float, float, float]]],
     begin: int,
@@ -176,12 +173,8 @@ def test_metadata_diagnostics_and_changes_are_read(tmp_path: Path, storage: Stor
     recorded = read_bag(tmp_path / "bag")
     assert recorded.metadata == {"version": "0.2.0", "arguments": {"rate": 1000.0}}
     (said,) = recorded.diagnostics
-    assert (said.received, said.node, said.message, said.values) == (
-        5,
-        "coupler",
-        "alone",
-        {"ticks": "3"},
-    )
+    assert (said.received, said.node, said.message) == (5, "coupler", "alone")
+    assert said.values == {"ticks": "3"}
     assert recorded.changes == [Change(6, "compensator", "controller", "inverse")]
 
 
@@ -256,8 +249,6 @@ def test_a_pipe_in_place_of_a_compressed_file_is_missing_and_others_are_read(
     file.rename(file.with_name("other.mcap.zstd"))
     os.mkfifo(file)
     bag = read_bag(tmp_path / "bag")
-    assert bag.problems == [
-        f"{file.name} is missing",
-        "other.mcap.zstd is not listed in metadata.yaml",
-    ]
+    other = "other.mcap.zstd is not listed in metadata.yaml"
+    assert bag.problems == [f"{file.name} is missing", other]
     assert bag.counts == {row.topic: 1}

@@ -206,27 +206,22 @@ Damage = Callable[[bytes], bytes]
 wheres, numbers = st.floats(0.0, 1.0), st.sampled_from([0, 1, 2**31, 2**32 - 1, 2**63, 2**64 - 1])
 
 
-def changed(change: Callable[[bytes, int, bytes], bytes]) -> Callable[[float, bytes], Damage]:
-    return lambda where, given: lambda saved: change(saved, int(where * len(saved)), given)
+def replaced(where: float, given: bytes, length: int | None) -> Damage:
+    """Put bytes in place of as many as told, of all that follow for None."""
+
+    def damage(saved: bytes) -> bytes:
+        at = int(where * len(saved))
+        return saved[:at] + given + (b"" if length is None else saved[at + length :])
+
+    return damage
 
 
+overwriting = st.binary(min_size=1, max_size=40) | numbers.map(lambda n: n.to_bytes(8, "little"))
+inserted = [b"*", b"[" * 99, b": ", b"\n", bytes(9), b"9" * 99, b"\x89MCAP0\r\n"]
 damages = st.one_of(
-    st.builds(changed(lambda saved, at, _: saved[:at]), wheres, st.just(b"")),
-    st.builds(
-        changed(lambda saved, at, given: saved[:at] + given + saved[at + len(given) :]),
-        wheres,
-        st.one_of(
-            st.binary(min_size=1, max_size=40), numbers.map(lambda n: n.to_bytes(8, "little"))
-        ),
-    ),
-    st.builds(
-        changed(lambda saved, at, given: saved[:at] + given + saved[at:]),
-        wheres,
-        st.sampled_from([b"*", b"[" * 99, b": ", b"\n", bytes(9), b"9" * 99, b"\x89MCAP0\r\n"]),
-    ),
-    st.builds(
-        changed(lambda saved, at, given: saved[:at] + saved[at + 9 :]), wheres, st.just(b"")
-    ),
+    st.builds(replaced, wheres, st.just(b""), st.sampled_from([None, 9])),
+    st.builds(lambda where, given: replaced(where, given, len(given)), wheres, overwriting),
+    st.builds(replaced, wheres, st.sampled_from(inserted), st.just(0)),
 )
 
 
@@ -289,15 +284,12 @@ def test_what_is_no_file_is_not_read(memory: Path, name: str, kind: str) -> None
                 action(refused)
 
 
-def test_a_bag_of_another_form_is_refused_and_stays(tmp_path: Path) -> None:
+def test_what_is_no_bag_and_a_bag_of_another_form_are_refused_and_stay(tmp_path: Path) -> None:
     write_messages(tmp_path / "bag", [], storage=StoragePlugin.SQLITE3)
     before = state(tmp_path / "bag")
     with pytest.raises(ParameterError, match=r"must be a bag of \.mcap files.*bag\.db3$"):
         repair(tmp_path / "bag")
     assert state(tmp_path / "bag") == before
-
-
-def test_a_folder_that_is_no_bag_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file.mcap").write_bytes(b"")
     (tmp_path / "folder").mkdir()
     for path in (tmp_path / "nothing", tmp_path / "folder", tmp_path / "file.mcap"):

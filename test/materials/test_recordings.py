@@ -223,9 +223,7 @@ def test_a_recording_full_of_glitches_is_refused(tmp_path: Path) -> None:
     samples = tone(30.0, 1000.0)
     samples[20::70] = 1e5
     path = write_csv(tmp_path / "a.csv", {"accel": samples})
-    assert refusal(path, 1000.0, 1000.0, "accel") == (
-        f"{path}: accel: 43 of 3000 samples are outliers: must be at most 1 %"
-    )
+    assert f"{path}: accel: 43 of 3000 samples are" in refusal(path, 1000.0, 1000.0, "accel")
 
 
 # Times, units and decimal signs
@@ -358,15 +356,6 @@ def test_a_unit_in_a_title_is_converted(
     assert [message[: len(told[0])] for message in caplog.messages] == told
 
 
-@pytest.mark.parametrize("title", ["acc [V]", "a_counts", "accel (LSB)", "acc_raw", "a [m/s]"])
-def test_a_unit_that_cannot_be_converted_is_refused(tmp_path: Path, title: str) -> None:
-    path = tmp_path / "a.csv"
-    path.write_text(f"{title}\n" + "2.5\n" * 20)
-    message = refusal(path, 10.0, 10.0)
-    assert message.startswith(f"{path}: column {title} is in ")
-    assert "must be in m/s^2, mm/s^2, g or mg, or without a unit" in message
-
-
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_decimal_commas_are_read_where_no_comma_separates(tmp_path: Path, separator: str) -> None:
     path = tmp_path / "a.csv"
@@ -375,19 +364,6 @@ def test_decimal_commas_are_read_where_no_comma_separates(tmp_path: Path, separa
     path.write_text(path.read_text() + f"1{separator}2.5\n")
     assert "line 22: a = '2.5': must be a number" in refusal(path, 10.0, 10.0)
     assert "with ',' for decimals" in refusal(path, 10.0, 10.0)
-
-
-@pytest.mark.parametrize("header", ["acceleration,", "acceleration", '"acceleration",""'])
-def test_decimal_commas_between_commas_are_refused_with_their_line(
-    tmp_path: Path, header: str
-) -> None:
-    path = tmp_path / "a.csv"
-    path.write_text(f"{header}\n2,\n" + "-1,0484\n" * 20)
-    if header == "acceleration":
-        path.write_text(f"{header}\n2\n" + "-1,0484\n" * 20)
-    message = refusal(path, 10.0, 10.0)
-    assert message.startswith(f"{path}: line 3: ")
-    assert message.endswith("decimal commas need semicolons or tabs between columns")
 
 
 def test_comments_are_searched_for_another_rate(
@@ -437,9 +413,24 @@ MANY = b"\x88\x13\0\0"
 EXPORTED = (b"LabVIEW Measurement\t\r\n", b"TDSm\0", b"MATLAB 5.0 MAT-file\0", b"\x89HDF\0")
 
 
+WITHOUT_UNIT = r"must be in m/s\^2, mm/s\^2, g or mg, or without a unit"
+COMMAS = "-1,0484\n" * 20
+IN_COMMAS = "line 3: .*decimal commas need semicolons or tabs between columns$"
+
+
 @pytest.mark.parametrize(
     ("content", "rate", "words"),
     [
+        *(
+            (
+                f"{title}\n" + "2.5\n" * 20,
+                10.0,
+                f"column {re.escape(title)} is in .*{WITHOUT_UNIT}",
+            )
+            for title in ("acc [V]", "a_counts", "accel (LSB)", "acc_raw", "a [m/s]")
+        ),
+        *((f"{acc},\n2,\n{COMMAS}", 10.0, IN_COMMAS) for acc in ("acceleration", '"accel",""')),
+        (f"acceleration\n2\n{COMMAS}", 10.0, IN_COMMAS),
         ("accel,accel\n" + "1,2\n" * 100, 100.0, "accel: exists more than once"),
         ("accel,speed\n1,2\n1,2,3\n", 100.0, "line 3: '3' in a column without a title"),
         ('accel,speed\n1,"2\n' + "1,2\n" * 100, 100.0, "must be comma-separated values$"),
@@ -579,13 +570,23 @@ def test_a_wav_with_odd_sizes_is_read_whole_or_the_rest_told(
     assert caplog.messages == (rest if told else [])
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, 1e7])
-def test_wav_that_holds_no_acceleration_is_refused(tmp_path: Path, value: float) -> None:
+NO_ACCELERATION = {math.nan: "nan", math.inf: "inf", 1e7: r"1e\+07"}
+
+
+@pytest.mark.parametrize(
+    ("value", "full_scale", "words"),
+    [
+        *((each, 1.0, rf": sample 7 = {text}: must be") for each, text in NO_ACCELERATION.items()),
+        *((0.0, each, "^full_scale = ") for each in (0.0, -1.0, math.nan, math.inf)),
+    ],
+)
+def test_a_wav_without_acceleration_and_an_unfit_full_scale_are_refused(
+    tmp_path: Path, value: float, full_scale: float, words: str
+) -> None:
     samples = np.zeros(1000)
     samples[7] = value
     wavfile.write(tmp_path / "a.wav", 1000, samples)
-    message = refusal(tmp_path / "a.wav", 0.0, 1000.0, full_scale=1.0)
-    assert f"sample 7 = {value:g}: must be" in message
+    assert re.search(words, refusal(tmp_path / "a.wav", 0.0, 1000.0, full_scale=full_scale))
 
 
 def chunks(count: int) -> bytes:
@@ -612,23 +613,13 @@ def test_work_for_empty_chunks_is_bounded(tmp_path: Path) -> None:
     assert many < 1.1 * few
 
 
-@pytest.mark.parametrize("full_scale", [0.0, -1.0, math.nan, math.inf])
-def test_unfit_full_scale_is_refused(tmp_path: Path, full_scale: float) -> None:
-    wavfile.write(tmp_path / "a.wav", 1000, np.zeros(1000))
-    message = refusal(tmp_path / "a.wav", 0.0, 1000.0, full_scale=full_scale)
-    assert message.startswith("full_scale = ")
-
-
 # Files
 
 
-def test_huge_file_is_refused_unread(tmp_path: Path) -> None:
+def test_a_huge_file_and_a_pipe_are_refused_unread(tmp_path: Path) -> None:
     with (tmp_path / "a.csv").open("wb") as file:
         file.truncate(recording.MOST_BYTES + 1)
     assert "has 300000001 bytes or more" in refusal(tmp_path / "a.csv", 1000.0, 1000.0)
-
-
-def test_pipe_is_refused_without_waiting_for_it(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     assert "is not a regular file" in refusal(tmp_path / "pipe", 1000.0, 1000.0)
 
@@ -661,21 +652,9 @@ cells = plain | st.sampled_from(ODD_TEXTS)
 @st.composite
 def tables(draw: st.DrawFn) -> str:
     delimiter, end = draw(st.sampled_from([",", ";", "\t", "|"])), draw(st.sampled_from(ENDS))
-    titles = draw(
-        st.sampled_from(
-            [
-                ["accel"],
-                ["é", "accel"],
-                ["a", '"q"'],
-                ["b", "b"],
-                ["X_Value", "a"],
-                ["t [ms]", "1"],
-            ]
-        )
-    )
-    row = st.lists(
-        st.one_of(plain, plain, plain, cells), min_size=len(titles), max_size=len(titles)
-    )
+    titles = draw(st.sampled_from(["accel", "é,accel", 'a,"q"', "b,b", "X_Value,a", "t [ms],1"]))
+    titles = titles.split(",")
+    row = st.tuples(*[st.one_of(plain, plain, plain, cells)] * len(titles))
     rows = draw(st.lists(row, min_size=8, max_size=14))
     lines = [delimiter.join(row) for row in (titles, *rows)]
     return draw(st.sampled_from(["", "\ufeff", "\n", " "])) + end.join(lines)
