@@ -156,9 +156,9 @@ class Queue:
     def comes(self, name: int, *, counted: bool = True) -> None:
         self.numbers[name] = 0
         if counted:
-            self.count(name)
+            self.count()
 
-    def count(self, name: int) -> None:
+    def count(self) -> None:
         self.counts.total_count += 1
         self.counts.current_count += 1
 
@@ -242,7 +242,7 @@ def test_messages_that_precede_the_count_of_their_publisher_are_known_by_their_n
     queue.sends(1)
     assert queue.look() == []
     queue.sends(0)
-    queue.count(1)
+    queue.count()
     assert queue.look() == []
 
 
@@ -252,11 +252,10 @@ def test_numbers_are_remembered_while_a_rival_comes_and_goes(queue: Queue) -> No
     queue.goes(1)
     assert queue.look() == []
     queue.comes(1, counted=False)
-    queue.sends(1)
-    assert queue.look() == []
-    queue.sends(1)
-    assert queue.look() == []
-    queue.count(1)
+    for _ in range(2):
+        queue.sends(1)
+        assert queue.look() == []
+    queue.count()
     assert queue.look() == []
     queue.goes(1)
     queue.sends(0)

@@ -43,14 +43,17 @@ def within(estimator: ResponseEstimator, low: float, high: float) -> FloatArray:
     return np.asarray((estimator.frequency >= low) & (estimator.frequency <= high))
 
 
+def band_pass(rate: float = RATE) -> FloatArray:
+    return np.asarray(signal.butter(2, [60, 200], "bandpass", fs=rate, output="sos"))
+
+
 @pytest.mark.parametrize("rate", [1000.0, 4000.0])
 def test_it_finds_a_filter(rate: float) -> None:
-    sections = signal.butter(2, [60, 200], "bandpass", fs=rate, output="sos")
     cause = noise(round(8 * rate))
     estimator = ResponseEstimator(Trace(), rate, memory=4.0)
-    feed(estimator, cause, signal.sosfilt(sections, cause))
+    feed(estimator, cause, signal.sosfilt(band_pass(rate), cause))
     band = within(estimator, 60.0, 200.0)
-    true = signal.sosfreqz(sections, estimator.frequency[band], fs=rate)[1]
+    true = signal.sosfreqz(band_pass(rate), estimator.frequency[band], fs=rate)[1]
     assert estimator.response[band] == pytest.approx(true, abs=0.06)
     assert estimator.coherence[band].min() > 0.98
 
@@ -126,11 +129,10 @@ def test_reset_forgets_all() -> None:
 
 
 def test_a_model_makes_it_a_ratio() -> None:
-    sections = signal.butter(2, [60, 200], "bandpass", fs=1000.0, output="sos")
     estimator = ResponseEstimator(Trace(), 1000.0, memory=4.0, window=0.5)
-    estimator.model[1:] = signal.sosfreqz(sections, estimator.frequency[1:], fs=1000.0)[1]
+    estimator.model[1:] = signal.sosfreqz(band_pass(), estimator.frequency[1:], fs=1000.0)[1]
     cause = noise(8000)
-    feed(estimator, cause, 1.5 * signal.sosfilt(sections, cause))
+    feed(estimator, cause, 1.5 * signal.sosfilt(band_pass(), cause))
     band = within(estimator, 60.0, 200.0)
     assert estimator.response[band] == pytest.approx(np.full(band.sum(), 1.5), abs=0.1)
 

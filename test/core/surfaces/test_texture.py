@@ -16,12 +16,7 @@ from scipy.signal import lfilter
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.surfaces import texture
-from haptic_accel.core.surfaces.texture import (
-    Texture,
-    TextureModel,
-    from_polynomial,
-    to_polynomial,
-)
+from haptic_accel.core.surfaces.texture import Texture, TextureModel, from_polynomial
 
 RISING = st.lists(st.floats(0.05, 1.0), min_size=1, max_size=21).map(
     lambda steps: np.cumsum(steps)[:-1] * np.pi / np.sum(steps)
@@ -108,6 +103,8 @@ def steady(texture: Texture, speed: float, force: float, count: int) -> np.ndarr
 def test_weights_are_those_of_the_nearest_point_of_the_hull() -> None:
     points = np.random.default_rng(0).uniform(0, [0.4, 10.0], (500, 2))
     places = model().locate(*points.T)
+    affine = np.einsum("mij,mj->mi", places.affine, np.column_stack([points, np.ones(500)]))
+    assert affine == pytest.approx(places.weights, abs=1e-9)
     assert np.all(places.weights >= 0)
     assert places.weights.sum(axis=1) == pytest.approx(1.0)
     scale = np.array([0.2, 5.0])
@@ -119,12 +116,6 @@ def test_weights_are_those_of_the_nearest_point_of_the_hull() -> None:
     inside = (points[:, 0] <= 1) & (points[:, 1] <= 1 - 0.2 * points[:, 0])
     assert 50 < inside.sum() < 450
     assert np.abs(away[inside]).max() < 1e-9
-
-
-def test_affine_weights_are_the_weights() -> None:
-    points = np.array([[0.1, 1.0, 1.0], [0.05, 4.9, 1.0], [0.3, 7.0, 1.0]])
-    places = model().locate(points[:, 0], points[:, 1])
-    assert np.einsum("mij,mj->mi", places.affine, points) == pytest.approx(places.weights)
 
 
 def test_triangles_cover_the_hull_once() -> None:
@@ -190,15 +181,12 @@ def test_a_seed_gives_the_same_samples_one_by_one_and_in_a_block() -> None:
     assert Texture(model(), 1000, seed=4).block(speeds, forces).tolist() != block.tolist()
 
 
-def test_out_of_contact_a_texture_rings_down_by_its_filter() -> None:
+def test_out_of_contact_a_texture_rings_down_by_its_filter_and_at_rest_nothing_is_felt() -> None:
     texture = Texture(model(), 1000, seed=1)
+    assert not texture.block(np.zeros(50), np.full(50, 3.0)).any()
     last = steady(texture, *FASTEST, count=1)[-1]
     assert texture.synthesize(FASTEST[0], 0.0) == pytest.approx(0.5 * last)
     assert texture.synthesize(FASTEST[0], 0.0) == pytest.approx(0.25 * last)
-
-
-def test_a_tool_at_rest_feels_nothing() -> None:
-    assert not Texture(model(), 1000, seed=1).block(np.zeros(50), np.full(50, 3.0)).any()
 
 
 def test_speed_comes_through_a_low_pass_of_20_hz() -> None:
@@ -252,7 +240,7 @@ def test_another_rate_keeps_the_spectrum_below_its_nyquist_frequency(rate: float
     frequency = np.linspace(0.0, rate / 2, 20_001)
     delay = np.exp(-2j * np.pi * frequency / 4000)
     density = 2 / 4000 * np.abs(2 / (1 - 1.2 * delay + 0.72 * delay**2)) ** 2
-    polynomial = to_polynomial(other.lsf[3])
+    polynomial = texture.to_polynomial(other.lsf[3])
     response = signal.lfilter([other.deviation[3]], polynomial, np.eye(1, 400)[0])
     for lag in range(3):
         turning = np.cos(2 * np.pi * frequency * lag / rate)

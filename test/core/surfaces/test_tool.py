@@ -11,7 +11,7 @@ import math
 import numpy as np
 import pytest
 
-from haptic_accel.core.model import Vector
+from haptic_accel.core.model import Vector, vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
@@ -87,8 +87,7 @@ def balance(
             target = np.array(start) + share * np.subtract(end, start)
             before = np.array(tool.position)
             force = (800 * (target - before) - 8 * np.array(tool.velocity)).clip(-3.3, 3.3)
-            x, y, z = force.tolist()
-            tool.advance((x, y, z))
+            tool.advance(vector(force))
             worked += force @ (np.array(tool.position) - before)
             beyond.append(tool.energy() - worked)
             slips.append(tool.slip_loss)
@@ -187,8 +186,7 @@ def test_no_scene_gives_out_energy(seed: int, rough: bool) -> None:
     random = np.random.default_rng(seed)
 
     def place() -> Vector:
-        x, y, z = random.uniform(-0.03, 0.03, 3).tolist()
-        return x, y, z
+        return vector(random.uniform(-0.03, 0.03, 3))
 
     shapes = random.permutation(
         np.array([Sphere(0.03), Box(0.03, 0.01, 0.02), Cylinder(0.01, 0.04), HILLS, Plane()])
@@ -206,16 +204,14 @@ def test_no_scene_gives_out_energy(seed: int, rough: bool) -> None:
             friction=static * random.uniform(0.0, 1.0),
         )
 
-    objects = tuple(
-        SceneObject(
-            str(number),
-            shape,
-            material(),
-            (0.0, 0.0, -0.02) if shape in (HILLS, Plane()) else place(),
-            (0.0, 0.0, 0.0) if shape in (HILLS, Plane()) else tuple(random.uniform(-3, 3, 3)),
+    def placed(number: int, shape: Shape) -> SceneObject:
+        if shape in (HILLS, Plane()):
+            return SceneObject(str(number), shape, material(), (0.0, 0.0, -0.02))
+        return SceneObject(
+            str(number), shape, material(), place(), vector(random.uniform(-3, 3, 3))
         )
-        for number, shape in enumerate(shapes[:4])
-    )
+
+    objects = tuple(placed(*each) for each in enumerate(shapes[:4]))
     tool = VirtualTool(FREE, Scene(objects, start=(0.0, 0.0, 0.1)), RATE)
     way = [place() for _ in range(6)]
     speed = random.uniform(0.05, 0.5)
