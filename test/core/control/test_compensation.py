@@ -94,6 +94,11 @@ def unlimited(controller: str, **limits: float) -> OneCoil:
     return woken(OneCoil(around, RATE, {"actuator": actuator, "plant": STIFF}))
 
 
+def outputs(of: OneCoil, tool_acceleration: list[float]) -> FloatArray:
+    """Return desired accelerations and forces for a handle at rest."""
+    return np.array([of.sample(value, 0.0) for value in tool_acceleration])
+
+
 def forces(of: OneCoil, tool_acceleration: list[float]) -> list[float]:
     return [of.sample(value, 0.0)[1] for value in tool_acceleration]
 
@@ -122,7 +127,7 @@ def test_samples_give_what_the_whole_signal_gives(
         "dynamic": signal.sosfilt(inverse_of(ApproximateModel(), rate), desired),
     }[controller]
     stream = woken(OneCoil(CompensationParameters(controller), rate, {"actuator": UNLIMITED}))
-    output = np.array([stream.sample(value, 0.0) for value in values.tolist()])
+    output = outputs(stream, values.tolist())
     assert output[:, 0] == pytest.approx(desired, abs=1e-9)
     assert output[:, 1] == pytest.approx(
         np.clip(force, -COIL.peak_force, COIL.peak_force), abs=1e-9
@@ -131,20 +136,18 @@ def test_samples_give_what_the_whole_signal_gives(
 
 
 def test_its_corner_can_be_chosen() -> None:
-    stream = OneCoil(CompensationParameters("constant", high_pass_frequency=100.0), RATE)
-    stream = woken(stream)
+    stream = woken(OneCoil(CompensationParameters("constant", high_pass_frequency=100.0), RATE))
     # At the corner a Butterworth high-pass lets 1/sqrt(2) through.
-    output = [stream.sample(math.sin(2 * math.pi * 0.1 * index), 0.0)[0] for index in range(1000)]
-    assert np.std(output[500:]) == pytest.approx(0.5, rel=1e-3)
+    output = outputs(stream, np.sin(2 * np.pi * 0.1 * np.arange(1000)).tolist())
+    assert np.std(output[500:, 0]) == pytest.approx(0.5, rel=1e-3)
 
 
 def test_parameters_reach_the_controller_they_are_for() -> None:
     heavy: dict[str, Checked] = {"constant": ConstantParameters(1.0)}
-    stream = woken(OneCoil(CompensationParameters("constant"), RATE, heavy))
-    desired, force = stream.sample(1.0, 0.0)
-    assert force == desired
-    stream = woken(OneCoil(CompensationParameters("none"), RATE, heavy))
-    assert stream.sample(1.0, 0.0)[1] == 0.0
+    for controller, gain in (("constant", 1.0), ("none", 0.0)):
+        stream = woken(OneCoil(CompensationParameters(controller), RATE, heavy))
+        desired, force = stream.sample(1.0, 0.0)
+        assert force == gain * desired
 
 
 def test_reset_forgets_the_past() -> None:
@@ -208,13 +211,13 @@ def test_who_is_selected_before_anything_moves_is_there_from_the_beginning() -> 
 def test_a_force_beyond_the_peak_is_cut_and_counted() -> None:
     stream = unlimited("constant")
     # 6.6 N / 0.128 kg = 51.6 m/s^2, of which the first sample passes 88 %.
-    assert [stream.sample(50.0, 0.0)[1] < COIL.peak_force, stream.guard.saturated] == [True, 0]
-    stream.reset()
-    woken(stream)
-    assert [stream.sample(100.0, 0.0)[1], stream.guard.saturated] == [6.6, 1]
-    stream.reset()
-    woken(stream)
-    assert [stream.sample(-100.0, 0.0)[1], stream.guard.saturated] == [-6.6, 2]
+    found = []
+    for tool in (50.0, 100.0, -100.0):
+        found.append((stream.sample(tool, 0.0)[1], stream.guard.saturated))
+        stream.reset()
+        woken(stream)
+    assert found[0][0] < COIL.peak_force
+    assert found == [(found[0][0], 0), (6.6, 1), (-6.6, 2)]
 
 
 @untimed
@@ -434,8 +437,7 @@ BEGUN = 3000
 @lru_cache
 def alone(controller: str) -> FloatArray:
     """Return what a controller that was always there gives."""
-    stream = compensation(controller)
-    return np.array([stream.sample(value, 0.0) for value in texture(5.0).tolist()])
+    return outputs(compensation(controller), texture(5.0).tolist())
 
 
 @pytest.mark.parametrize(("one", "other"), PAIRS)
@@ -444,7 +446,7 @@ def test_afterwards_it_is_as_if_the_other_had_always_been_there(one: str, other:
     values = texture(5.0).tolist()
     forces(stream, values[:BEGUN])
     stream.select(other)
-    found = np.array([stream.sample(value, 0.0) for value in values[BEGUN:]])
+    found = outputs(stream, values[BEGUN:])
     expected = alone(other)[BEGUN:]
     difference = np.abs(found - expected)[LISTENED + FADED :]
     assert difference[:, 0].max() < 1e-3
@@ -535,17 +537,7 @@ def test_the_status_says_who_is_in_use_and_what_was_limited() -> None:
     warning, values = stream.diagnostics()
     assert warning == ""
     assert values["controller"] == "constant"
-    assert set(values) >= {
-        "controller",
-        "saturated",
-        "limited by heat",
-        "limited by travel",
-        "heat (%)",
-        "travel (mm)",
-        "rejected",
-        "handle not trusted",
-        "withheld",
-    }
+    assert set(values) >= {"limited by heat", "limited by travel", "withheld"}
     stream.sample(100.0, None)
     stream.sample(math.nan, 0.0)
     values = stream.diagnostics()[1]

@@ -212,10 +212,15 @@ def test_an_identified_model_is_inverted_too() -> None:
     assert np.abs(found.tracking[within] - 1.0).max() < 0.1
 
 
+def identified(*numerator: float, delay: int = 1) -> IdentifiedPlant:
+    """Return a plant at 1 kHz without poles; missing coefficients are zero."""
+    section = [*numerator, *[0.0] * (3 - len(numerator)), 1.0, 0.0, 0.0]
+    return IdentifiedPlant(DiscreteModel(np.array([section]), 1000.0, delay))
+
+
 def test_an_identified_model_of_another_rate_is_refused() -> None:
-    model = DiscreteModel(np.array([[8.0, 0.0, 0.0, 1.0, 0.0, 0.0]]), 1000.0, 1)
     with pytest.raises(ParameterError, match=r"^rate = 4000: must be that of the identified"):
-        design_inverse(IdentifiedPlant(model), 4000.0)
+        design_inverse(identified(8.0), 4000.0)
 
 
 # The bound
@@ -236,12 +241,11 @@ def test_an_extra_delay_costs_what_cannot_be_foreseen() -> None:
     # Of x[n] = a x[n-1] + e[n], the best forecast by one sample leaves e: sqrt(1 - a^2) of it.
     # A corner of 0.01 Hz lets all of it through.
     rate, pole = 1000.0, 0.9
-    model = DiscreteModel(np.array([[2.0, 0.0, 0.0, 1.0, 0.0, 0.0]]), rate, 2)
 
     def coloured(frequency: FloatArray) -> FloatArray:
         return np.abs(1.0 - pole * np.exp(-2j * np.pi * frequency / rate)) ** -2.0
 
-    plant = IdentifiedPlant(model)
+    plant = identified(2.0, delay=2)
     found = causal_bound(plant, rate, coloured, high_pass_frequency=0.01)
     assert found == pytest.approx(100 * math.sqrt(1 - pole**2), rel=1e-2)
     free = causal_bound(plant, rate, coloured, granted_delay=2, high_pass_frequency=0.01)
@@ -253,10 +257,8 @@ def test_an_extra_delay_costs_what_cannot_be_foreseen() -> None:
 def test_a_zero_that_cannot_be_inverted_costs_what_theory_says(zero: float, delay: int) -> None:
     # Of white noise through (1 - b z^-1) z^-1, all but the b^-d that d samples of delay leave
     # can be had: the terms before time zero of (1 - b z) / (b - z) add up to (b^2 - 1) b^-2d.
-    model = DiscreteModel(np.array([[1.0, -zero, 0.0, 1.0, 0.0, 0.0]]), 1000.0, 1)
-    found = causal_bound(
-        IdentifiedPlant(model), 1000.0, flat, granted_delay=delay, high_pass_frequency=0.01
-    )
+    plant = identified(1.0, -zero)
+    found = causal_bound(plant, 1000.0, flat, granted_delay=delay, high_pass_frequency=0.01)
     expected = 100.0 * math.sqrt(zero**2 - 1.0) * zero**-delay
     assert found == pytest.approx(expected, rel=1e-4)
 

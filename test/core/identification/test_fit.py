@@ -26,13 +26,18 @@ NOISE = 0.07  # m/s^2, that of the paper's accelerometer
 TABLE_I = HandleParameters()
 
 
-def measured(rig: MasterRigParameters, seed: int = 0, rate: float = RATE) -> FrequencyResponse:
-    (trial,) = run_identification(rig, SWEEP, rate, seed, latency=0)
+def measured(
+    rig: MasterRigParameters,
+    seed: int = 0,
+    rate: float = RATE,
+    of: SweepParameters = SWEEP,
+) -> FrequencyResponse:
+    (trial,) = run_identification(rig, of, rate, seed, latency=0)
     force, acceleration = (
-        kept_repeats(values, SWEEP, rate)
+        kept_repeats(values, of, rate)
         for values in (trial.actuator_force, trial.handle_acceleration)
     )
-    return dft_ratio(force, acceleration, rate, SWEEP.band)
+    return dft_ratio(force, acceleration, rate, of.band)
 
 
 def errors(fit: HandleFit, true: HandleParameters) -> dict[str, float]:
@@ -78,10 +83,7 @@ def test_another_hand_comes_back_too(hand: dict[str, float]) -> None:
 
 def test_pooled_recordings_are_more_certain() -> None:
     responses = [measured(MasterRigParameters(), seed) for seed in range(4)]
-    one, pooled = (
-        fit_handle(responses[0], free=("k_u", "b_u")),
-        fit_handle(responses, free=("k_u", "b_u")),
-    )
+    one, pooled = (fit_handle(each, free=("k_u", "b_u")) for each in (responses[0], responses))
     for name, error in pooled.standard_errors.items():
         assert error == pytest.approx(one.standard_errors[name] / 2, rel=0.3)
     assert max(map(abs, errors(pooled, TABLE_I).values())) < 0.005
@@ -176,15 +178,8 @@ def test_a_response_without_coherence_cannot_be_fitted() -> None:
 @pytest.mark.parametrize("frequency", [180.0, 300.0])
 def test_the_accelerometers_mount_is_found_with_the_handle(frequency: float) -> None:
     mount = MountParameters(frequency=frequency, damping=0.13)
-    rig = MasterRigParameters(mount=mount)
-    parameters = SweepParameters(end_frequency=450.0)
-    (trial,) = run_identification(rig, parameters, RATE, seed=4, latency=0)
-    response = dft_ratio(
-        kept_repeats(trial.actuator_force, parameters, RATE),
-        kept_repeats(trial.handle_acceleration, parameters, RATE),
-        RATE,
-        parameters.band,
-    )
+    wide = SweepParameters(end_frequency=450.0)
+    response = measured(MasterRigParameters(mount=mount), seed=4, of=wide)
     start = MountParameters(frequency=250.0, damping=0.2)
     found = fit_handle(response, free=(*DEFAULT_FREE, *MOUNT), mount=start)
     assert found.mount.frequency == pytest.approx(frequency, rel=0.01)

@@ -141,10 +141,7 @@ def test_an_impossible_sweep_is_refused(fields: dict[str, float], message: str) 
 @pytest.mark.parametrize(
     ("act", "message"),
     [
-        (
-            lambda: sweep(SWEEP, 400.0),
-            "^end_frequency = 450: must be below half the rate, 200 Hz$",
-        ),
+        (lambda: sweep(SweepParameters(), 400.0), "^end_frequency = 200: must be below half the"),
         (lambda: sweep(SWEEP, math.nan), "^rate = nan: must be above 0 Hz$"),
         (lambda: multisine(SweepParameters(end_frequency=600.0), RATE), "end_frequency = 600"),
         (lambda: kept_repeats(np.zeros(599), SHORT, RATE), "^signal: 599 samples, must be at le"),
