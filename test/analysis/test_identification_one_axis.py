@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -139,13 +140,11 @@ def test_models_and_their_errors_are_named(page: Page, two: Identification) -> N
     assert page.row(1, "physical") == ["0.78", "2.9"]
     assert "15 to 180 Hz" in page.text
     pairs = {row[0]: [float(cell) for cell in row[1:]] for row in page.tables[2][1:]}
-    model = two.approximate
-    assert pairs == {
-        "zero pair 1": pytest.approx([model.zero_1_frequency, model.zero_1_damping], abs=0.01),
-        "zero pair 2": pytest.approx([model.zero_2_frequency, model.zero_2_damping], abs=0.01),
-        "pole pair 1": pytest.approx([model.pole_1_frequency, model.pole_1_damping], abs=0.01),
-        "pole pair 2": pytest.approx([model.pole_2_frequency, model.pole_2_damping], abs=0.01),
-    }
+    assert pairs.keys() == {f"{kind} pair {n}" for kind in ("zero", "pole") for n in (1, 2)}
+    for pair, shown in pairs.items():
+        names = [f"{pair.replace(' pair ', '_')}_{name}" for name in ("frequency", "damping")]
+        expected = [getattr(two.approximate, name) for name in names]
+        assert shown == pytest.approx(expected, abs=0.01)
     assert "discrete model has order 7" in page.text
     assert "haptic-accel teleop params_file:=handle.yaml" in page.text
 
@@ -168,25 +167,24 @@ def test_without_truth_there_are_neither_true_values_nor_errors(
     assert "simulated handle" not in page.text
 
 
+def fitted(one: Identification, **changes: Any) -> Identification:
+    """Return an identification of one grip whose fits are changed."""
+    fit = replace(one.fit, **changes)
+    return replace(one, fit=fit, grips={"pinch": replace(one.grips["pinch"], fit=fit)})
+
+
 def test_a_fitted_mount_is_shown(one: Identification, tmp_path: Path) -> None:
     assert "mount" not in report(one, tmp_path / "rigid").text
-    fit = dataclasses.replace(
-        one.fit,
-        mount=MountParameters(frequency=280.0, damping=0.127),
-        standard_errors=one.fit.standard_errors
-        | {"mount_frequency": 0.4, "mount_damping": 0.0012},
-    )
-    grips = {"pinch": dataclasses.replace(one.grips["pinch"], fit=fit)}
-    page = report(dataclasses.replace(one, fit=fit, grips=grips), tmp_path / "moving")
+    errors = one.fit.standard_errors | {"mount_frequency": 0.4, "mount_damping": 0.0012}
+    mount = MountParameters(frequency=280.0, damping=0.127)
+    page = report(fitted(one, mount=mount, standard_errors=errors), tmp_path / "moving")
     rows = {row[0]: row[1:] for row in page.tables[0] if row[0].startswith("mount")}
     assert list(rows.values()) == [["Hz", DASH, "280.00", "0.40"], ["1", DASH, "0.1270", "0.0012"]]
 
 
 def test_numbers_that_are_none_never_reach_the_reader(one: Identification, tmp_path: Path) -> None:
     broken = dict.fromkeys(one.fit.standard_errors, float("nan")) | {"b_s": 0.0}
-    fit = dataclasses.replace(one.fit, delay=-1e-12, standard_errors=broken)
-    grips = {"pinch": dataclasses.replace(one.grips["pinch"], fit=fit)}
-    page = report(dataclasses.replace(one, fit=fit, grips=grips), tmp_path)
+    page = report(fitted(one, delay=-1e-12, standard_errors=broken), tmp_path)
     assert page.row(0, "m_h")[3] == DASH
     assert not {"nan", "inf"} & {word.lower() for word in re.findall(r"[A-Za-z]+", page.text)}
 

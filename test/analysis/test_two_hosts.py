@@ -43,14 +43,10 @@ def arguments(side: str, **others: Any) -> dict[str, Any]:
 
 
 def reports(offset: float = AHEAD, bound: float = 0.4, drift: float = 0.0) -> list[Any]:
+    offsets = {s: offset / 1e6 + 1e3 * drift * s for s in range(1, round(SECONDS))}
     return [
-        (
-            second,
-            "coupler",
-            "OK",
-            {OFFSET: str(offset / 1e6 + 1e3 * drift * second), BOUND: str(bound)},
-        )
-        for second in range(1, round(SECONDS))
+        (second, "coupler", "OK", {OFFSET: str(known), BOUND: str(bound)})
+        for second, known in offsets.items()
     ]
 
 

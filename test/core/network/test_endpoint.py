@@ -242,17 +242,19 @@ def test_a_sample_that_is_missing_or_no_number_begins_a_new_run() -> None:
     end = Endpoint("slave", RATE, 1)
     for tick, value in enumerate([1.0, 2.0, 3.0, math.nan, 5.0, 6.0]):
         end.sampled(tick * TICK, along_actuator(value))
-    data = end.outgoing(State(), Motion(), 0.0, 0.0, 0)
-    assert data
-    packet = unpack(data)
+    packet = unpack(sent(end))
     assert (packet.first, packet.samples) == (4, (5.0, 6.0))
+
+
+def sent(end: Endpoint, shipped: float = 0.0, now: float = 0.0) -> bytes:
+    data = end.outgoing(State(), Motion(), shipped, now, 0)
+    assert data
+    return data
 
 
 def test_another_rate_is_refused() -> None:
     fast, slow = Endpoint("master", 1000.0, 1), Endpoint("slave", 500.0, 2)
-    data = fast.outgoing(State(), Motion(), 0.0, 0.0, 0)
-    assert data
-    assert slow.incoming(data, 0.0, 0) is None
+    assert slow.incoming(sent(fast), 0.0, 0) is None
     assert [*slow.problems(0, 0.0)] == ["the peer has rate:=1000: must be 500 Hz as here"]
     assert slow.peer is None
 
@@ -271,38 +273,30 @@ def test_a_peer_that_starts_again_is_known_afresh() -> None:
 
 def test_energy_for_the_run_before_is_not_received() -> None:
     sender, receiver = Endpoint("slave", RATE, 1), Endpoint("master", RATE, 2)
-    data = sender.outgoing(State(), Motion(), 0.5, 0.0, 0)
-    assert data
-    receiver.incoming(data, 0.0, 0)
+    receiver.incoming(sent(sender, 0.5), 0.0, 0)
     assert receiver.shipped == 0.0
-    reply = receiver.outgoing(State(), Motion(), 0.0, 0.0, 0)
-    assert reply
-    sender.incoming(reply, 0.0, 0)
-    data = sender.outgoing(State(), Motion(), 0.1, 1.0, 0)
-    assert data
-    receiver.incoming(data, 1.0, 0)
+    sender.incoming(sent(receiver), 0.0, 0)
+    receiver.incoming(sent(sender, 0.1, 1.0), 1.0, 0)
     assert receiver.shipped == 0.1
 
 
+shares = st.floats(0.0, 1.0)
+channels = st.builds(ChannelParameters, st.floats(0.0, 0.5), st.floats(0.0, 0.3), shares, shares)
+
+
 @settings(max_examples=25)
-@given(
-    st.floats(0.0, 0.5),
-    st.floats(0.0, 0.3),
-    st.floats(0.0, 1.0),
-    st.floats(0.0, 1.0),
-    st.integers(0, 1000),
-)
+@given(channels, st.integers(0, 1000))
 def test_whatever_the_network_does_only_newer_packets_count(
-    delay: float, jitter: float, loss: float, duplication: float, seed: int
+    channel: ChannelParameters, seed: int
 ) -> None:
-    hosts = Hosts(ChannelParameters(delay, jitter, loss, duplication), seed=seed)
+    hosts = Hosts(channel, seed=seed)
     sequence, shipped = 0, 0.0
     for packet in hosts.run(0.5):
         assert packet.sequence > sequence
         assert packet.shipped >= shipped  # none before both have met
         sequence, shipped = packet.sequence, packet.shipped
         age = hosts.ends["master"].round_trip_age(hosts.now)
-        assert age >= max(0.0, 2 * (delay - jitter)) - 1e-9
+        assert age >= max(0.0, 2 * (channel.delay - channel.jitter)) - 1e-9
 
 
 EXTREME = 2**63 - 1
