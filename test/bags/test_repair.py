@@ -219,7 +219,8 @@ def replaced(where: float, given: bytes, length: int | None) -> Damage:
 overwriting = st.binary(min_size=1, max_size=40) | numbers.map(lambda n: n.to_bytes(8, "little"))
 inserted = [b"*", b"[" * 99, b": ", b"\n", bytes(9), b"9" * 99, b"\x89MCAP0\r\n"]
 damages = st.one_of(
-    st.builds(replaced, wheres, st.just(b""), st.sampled_from([None, 9])),
+    st.builds(replaced, wheres, st.just(b""), st.none()),
+    st.builds(replaced, wheres, st.just(b""), st.just(9)),
     st.builds(lambda where, given: replaced(where, given, len(given)), wheres, overwriting),
     st.builds(replaced, wheres, st.sampled_from(inserted), st.just(0)),
 )
