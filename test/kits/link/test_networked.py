@@ -72,6 +72,7 @@ def running(supervisor: Supervisor) -> Iterator[list[Outcome]]:
         thread.join()
 
 
+@pytest.mark.slow
 def test_the_delay_between_the_arms_is_the_one_asked_for(domain: int, tmp_path: Path) -> None:
     arguments = GraphArguments(rate=500.0, record=False)
     lines: list[str] = []

@@ -116,6 +116,7 @@ def test_conditions_are_presented_in_turn_and_measured_until_an_emergency_stop(
         assert not desired.values[near].any()
 
 
+@pytest.mark.slow
 def test_other_arguments_start_another_graph_and_one_that_dies_twice_ends_the_session(
     tmp_path: Path, domain: int
 ) -> None:
@@ -159,6 +160,7 @@ def test_a_page_leads_the_hand_and_sees_the_scene(tmp_path: Path) -> None:
     assert presented.error is None
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("domain")
 def test_the_network_between_the_arms_changes_while_the_graph_runs(tmp_path: Path) -> None:
     near, far = condition(network=0.0), condition(network=30.0)
