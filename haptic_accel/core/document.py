@@ -21,7 +21,6 @@ import yaml
 
 from haptic_accel.core import bounded_files, parameters
 from haptic_accel.core.model import FloatArray, Vector
-from haptic_accel.core.parameters import read_decimal, read_whole
 
 # With libyaml, if PyYAML includes it, ten times faster.
 _FASTEST: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -29,8 +28,8 @@ _FASTEST: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _FLOAT = "tag:yaml.org,2002:float"
 _NUMBERS = {
     # 010 is excluded, as ROS reads it as eight.
-    "tag:yaml.org,2002:int": (read_whole, r"[-+]?(0|[1-9][0-9]*)"),
-    _FLOAT: (read_decimal, r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+][0-9]+)?"),
+    "tag:yaml.org,2002:int": (parameters.read_whole, r"[-+]?(0|[1-9][0-9]*)"),
+    _FLOAT: (parameters.read_decimal, r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+][0-9]+)?"),
 }
 """Reader and form of numbers by tag. YAML 1.1 has other forms too, with underscores or base 60."""
 
@@ -115,7 +114,7 @@ def _check(text: str) -> None:
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         if depth > bounded_files.DEEPEST:
-            raise ValueError(f"it is nested deeper than {bounded_files.DEEPEST} levels")
+            raise ValueError(bounded_files.TOO_DEEP)
 
 
 def lines_of(text: str) -> dict[tuple[str, ...], int]:

@@ -17,14 +17,8 @@ from importlib.metadata import Distribution, EntryPoint, distributions
 from importlib.util import find_spec
 from typing import Any, TypeVar
 
-from haptic_accel.core.parameters import (
-    Checked,
-    ParameterError,
-    one_line,
-    printable,
-    schema,
-    warn_once,
-)
+from haptic_accel.core import parameters
+from haptic_accel.core.parameters import ParameterError, one_line, printable, warn_once
 
 OWN = "haptic_accel"
 """Name of this package, whose own names other packages cannot use."""
@@ -204,13 +198,13 @@ def with_outside(
     return found
 
 
-def parameters_problem(parameters: Any) -> str:
+def parameters_problem(kind: Any) -> str:
     """Return the reason to reject a class of parameters; empty if there is none."""
-    if not (isinstance(parameters, type) and issubclass(parameters, Checked)):
+    if not (isinstance(kind, type) and issubclass(kind, parameters.Checked)):
         return "Parameters must be a Checked dataclass"
     try:
-        schema(parameters)
-        parameters()
+        parameters.schema(kind)
+        kind()
     except Exception as error:  # a field of an unsupported type, or without a default
         return f"Parameters: {one_line(error)}"
     return ""

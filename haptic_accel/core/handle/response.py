@@ -11,16 +11,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
+from haptic_accel.core import model
 from haptic_accel.core.handle.mechanics import SIMPLE, axial_mechanics, zero_order_hold
-from haptic_accel.core.model import (
-    ApproximateModel,
-    ComplexArray,
-    FloatArray,
-    HandleParameters,
-    ModeParameters,
-    MountParameters,
-    handle_model,
-)
+from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import ParameterError
 
 FINEST_STEP = 0.2
@@ -89,7 +82,7 @@ def grid_for(rate: float, taps: int = 0, step: float = FINEST_STEP) -> Grid:
 ACCELEROMETER_CORNER = 500.0
 """Corner of the accelerometer's first-order low-pass, Hz (paper: ADXL320J)."""
 
-RIGID = MountParameters()
+RIGID = model.MountParameters()
 """Mount without a mode."""
 
 
@@ -99,8 +92,8 @@ def sampled_response(
     rate: float,
     delay: float = 0.0,
     low_pass_frequency: float = ACCELEROMETER_CORNER,
-    mount: MountParameters = RIGID,
-    second: ModeParameters = SIMPLE,
+    mount: model.MountParameters = RIGID,
+    second: model.ModeParameters = SIMPLE,
 ) -> ComplexArray:
     """Return the response of sampled acceleration to actuator force, with delay and low-pass.
 
@@ -251,10 +244,10 @@ _FREQUENCIES = (4.0, 60.0)  # Hz; a slower inverse would drift, paper 9 to 20 Hz
 _DAMPING = (0.15, 1.5)  # the inverse would oscillate with less; paper 0.3 to 0.5 (assumed)
 _PULL = 0.01  # towards the paper's values; matters only where the response leaves freedom
 
-_FREE = tuple(field.name for field in fields(ApproximateModel) if field.name != "gain")
+_FREE = tuple(field.name for field in fields(model.ApproximateModel) if field.name != "gain")
 
 
-def approximate_model(handle: HandleParameters) -> ApproximateModel:
+def approximate_model(handle: HandleParameters) -> model.ApproximateModel:
     """Choose the zero and pole pairs of the paper's model for a handle.
 
     Fit the logarithm of the magnitude, starting from the paper's values. The gain at zero
@@ -283,7 +276,7 @@ def approximate_model(handle: HandleParameters) -> ApproximateModel:
             f"handle = {handle}: has no finite response from {LOWEST_FREQUENCY:g} to"
             f" {HIGHEST_FREQUENCY:g} Hz"
         )
-    paper = np.log([getattr(ApproximateModel(), name) for name in _FREE])
+    paper = np.log([getattr(model.ApproximateModel(), name) for name in _FREE])
     bounds = np.log([_FREQUENCIES if name.endswith("frequency") else _DAMPING for name in _FREE])
 
     def residuals(point: FloatArray) -> FloatArray:
@@ -294,5 +287,5 @@ def approximate_model(handle: HandleParameters) -> ApproximateModel:
     return _model(found.x)
 
 
-def _model(point: FloatArray) -> ApproximateModel:
-    return ApproximateModel(**dict(zip(_FREE, np.exp(point).tolist(), strict=True)))
+def _model(point: FloatArray) -> model.ApproximateModel:
+    return model.ApproximateModel(**dict(zip(_FREE, np.exp(point).tolist(), strict=True)))

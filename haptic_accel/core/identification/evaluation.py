@@ -16,17 +16,9 @@ import numpy as np
 from haptic_accel.core.handle.plant import DiscreteModel
 from haptic_accel.core.handle.response import approximate_model
 from haptic_accel.core.identification import estimate
+from haptic_accel.core.identification import fit as fitting
 from haptic_accel.core.identification import sweep as sweeps
-from haptic_accel.core.identification.estimate import identify_discrete
-from haptic_accel.core.identification.fit import DEFAULT_FREE as OF_RESPONSES
-from haptic_accel.core.identification.fit import (
-    HANDLE,
-    INTERVAL,
-    MOUNT,
-    Friction,
-    HandleFit,
-    fit_handle,
-)
+from haptic_accel.core.identification.fit import Friction, HandleFit, fit_handle
 from haptic_accel.core.identification.motion import fit_motion
 from haptic_accel.core.model import ApproximateModel, FloatArray, HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
@@ -55,7 +47,7 @@ USUAL_MASSES = 0.005, 1.0
 I has 0.128 kg; a stylus alone weighs some grams, and a hand that moves with a handle less than
 half a kilogram."""
 
-DEFAULT_FREE = (*OF_RESPONSES, "friction")
+DEFAULT_FREE = (*fitting.DEFAULT_FREE, "friction")
 """Parameters that are fitted by default."""
 
 GRIP_STAGES = ("response", "mount", "dry friction")
@@ -197,7 +189,7 @@ def identify_handle(
         check_determined(name, found)
     trials = [trial for grip in grips.values() for trial in grip.trials]
     tell(LAST_STAGES[1])
-    discrete = identify_discrete(
+    discrete = estimate.identify_discrete(
         np.concatenate([trial.actuator_force for trial in trials]),
         np.concatenate([centred(trial.handle_acceleration) for trial in trials]),
         DISCRETE_ORDER,
@@ -347,9 +339,9 @@ def _unusual(fit: HandleFit) -> Iterator[str]:
 def _wide(fit: HandleFit) -> Iterator[str]:
     """Yield a warning if parameters of the handle have wide confidence intervals."""
     wide = [
-        f"{name} = {fit.value(name):.3g} \N{PLUS-MINUS SIGN} {INTERVAL * error:.2g}"
+        f"{name} = {fit.value(name):.3g} \N{PLUS-MINUS SIGN} {fitting.INTERVAL * error:.2g}"
         for name, error in fit.standard_errors.items()
-        if name in HANDLE and INTERVAL * error > WIDEST * fit.value(name)
+        if name in fitting.HANDLE and fitting.INTERVAL * error > WIDEST * fit.value(name)
     ]
     if wide:
         yield (
@@ -377,7 +369,7 @@ def _obvious(rigid: HandleFit, moving: HandleFit) -> bool:
 
 def _at_limit(moving: HandleFit) -> bool:
     """Return True if the mode of a mount is at a limit of the search, and thus does not exist."""
-    return not set(MOUNT).isdisjoint(moving.limited)
+    return not set(fitting.MOUNT).isdisjoint(moving.limited)
 
 
 def _gain(rigid: HandleFit, moving: HandleFit) -> float:
@@ -394,12 +386,12 @@ def _chosen(rigid: HandleFit, moving: HandleFit) -> tuple[HandleFit, tuple[str, 
     intervals of the simpler fit are extended by those of the other.
     """
     gain = _gain(rigid, moving)
-    if gain > len(MOUNT) * math.log(moving.count) and not _at_limit(moving):
+    if gain > len(fitting.MOUNT) * math.log(moving.count) and not _at_limit(moving):
         return moving, ()
     if gain <= UNDECIDED:
         return rigid, ()
     extended = {
-        name: max(error, abs(moving.value(name) - rigid.value(name)) / INTERVAL + other)
+        name: max(error, abs(moving.value(name) - rigid.value(name)) / fitting.INTERVAL + other)
         for name, error in rigid.standard_errors.items()
         for other in (moving.standard_errors[name],)
     }
@@ -452,7 +444,7 @@ def _with_friction(found: HandleFit, fits: Sequence[HandleFit]) -> HandleFit:
 
 
 def _with_mount(free: Sequence[str]) -> list[str]:
-    return list(dict.fromkeys((*free, *MOUNT)))
+    return list(dict.fromkeys((*free, *fitting.MOUNT)))
 
 
 def _widened(

@@ -18,14 +18,8 @@ import numpy as np
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
+from haptic_accel.core.control.inversion import spectrum as spectra
 from haptic_accel.core.control.inversion.design import Goal, nearest
-from haptic_accel.core.control.inversion.spectrum import (
-    PRIOR,
-    SEGMENT_SECONDS,
-    SENSOR_DENSITY,
-    ToolSpectrum,
-    measured_spectrum,
-)
 from haptic_accel.core.handle.plant import Dynamics, MatrixPlant
 from haptic_accel.core.handle.response import Grid, grid_for, travel_response
 from haptic_accel.core.model import ComplexArray, FloatArray
@@ -58,7 +52,7 @@ MOST_ITERATIONS = 40
 def causal_bound(
     plant: Dynamics,
     rate: float,
-    spectrum: ToolSpectrum = PRIOR,
+    spectrum: spectra.ToolSpectrum = spectra.PRIOR,
     *,
     granted_delay: int = 1,
     noise: float = 0.0,
@@ -312,15 +306,15 @@ def _tool_factor(acceleration: FloatArray, rate: float) -> tuple[Grid, ComplexAr
 
     grid = grid_for(rate, step=STEP)
     if acceleration.ndim == 1:
-        power = measured_spectrum(acceleration, rate)(grid.frequency)
+        power = spectra.measured_spectrum(acceleration, rate)(grid.frequency)
         return grid, minimum_phase(grid, np.sqrt(power))[np.newaxis, np.newaxis]
-    segment = min(len(acceleration), round(SEGMENT_SECONDS * grid.rate))
+    segment = min(len(acceleration), round(spectra.SEGMENT_SECONDS * grid.rate))
     x, y = acceleration.T[:, np.newaxis], acceleration.T[np.newaxis, :]
     lines, cross = signal.csd(y, x, grid.rate, nperseg=segment)
     # The power is at least the noise of the tool's accelerometer. There is no line at 0 Hz, as the
     # mean was removed.
     powers, vectors = np.linalg.eigh(np.moveaxis(cross[..., 1:], -1, 0))
-    powers = np.maximum(powers, SENSOR_DENSITY**2)
+    powers = np.maximum(powers, spectra.SENSOR_DENSITY**2)
     cross = np.moveaxis((vectors * powers[:, np.newaxis]) @ vectors.conj().swapaxes(1, 2), 0, -1)
     spectrum: ComplexArray = np.array(
         [[np.interp(grid.frequency, lines[1:], each) for each in row] for row in cross]
@@ -340,9 +334,8 @@ def _right_factor(grid: Grid, spectrum: ComplexArray) -> ComplexArray:
     if count == 1:
         return own[np.newaxis]
     rest = spectrum / (own.conj()[:, np.newaxis] * own)
-    factor = np.zeros_like(rest)
     unity = np.eye(count)[:, :, np.newaxis]
-    factor += unity
+    factor = np.zeros_like(rest) + unity
     for _ in range(MOST_ITERATIONS):
         inverse = _inverse(factor)
         change = _product(_adjoint(inverse), _product(rest, inverse)) - unity
