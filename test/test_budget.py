@@ -19,7 +19,7 @@ ROOTS = "roots"
 
 BUDGETS = {
     ROOTS: 90,
-    "core": 14_694,
+    "core": 14_638,
     "analysis": 4_033,
     "nodes": 3_915,
     "kits/study": 3_865,
@@ -32,9 +32,9 @@ BUDGETS = {
     "kits/emulators": 1_128,
     "graph": 1_165,
     "kits/export": 914,
-    "kits/link": 817,
+    "kits/link": 808,
     "kits/textures": 1_021,
-    "kits/bringup": 999,
+    "kits/bringup": 988,
     "kits/lerobot": 367,
     "links": 101,
     "pages": 39,

@@ -175,19 +175,14 @@ class Bench:
             except DeviceError as error:
                 found = [Check(False, str(error), "check the cable and the device's supply")]
             for check in found:
-                self._tell(check)
+                self.person.tell((PASSED if check.passed else NOT_PASSED) + check.text)
+                if not check.passed:
+                    self.person.tell(f"  {check.advice}")
             passed = all(check.passed for check in found)
             skip = "go on all the same" if can_skip else ""
             if passed or not self.goes_on("press Enter to try again", skip):
                 self.notes += [("" if each.passed else NOT_PASSED) + each.text for each in found]
                 return
-
-    def _tell(self, check: Check) -> None:
-        if check.passed:
-            self.person.tell(PASSED + check.text)
-        else:
-            self.person.tell(NOT_PASSED + check.text)
-            self.person.tell(f"  {check.advice}")
 
     def goes_on(self, request: str, skip: str = "") -> bool:
         """Ask until the answer is empty, or `SKIP` where offered; return whether it is empty.

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
@@ -26,9 +26,7 @@ from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import DeviceError
 from haptic_accel.kits.bringup import bench as benches
 from haptic_accel.kits.bringup import signal_checks as checks
-from haptic_accel.kits.bringup.bench import STEPS, BringUpArguments, BringUpError, Watched
 from haptic_accel.kits.bringup.boards import calibrate_boards, connect, make_safe
-from haptic_accel.kits.bringup.signal_checks import Check
 from haptic_accel.setup import note_step, noted_steps, teleop_command, update_parameter_file
 
 TRIAL = 10
@@ -76,7 +74,7 @@ def _identified(bench: benches.Bench) -> Mapping[str, Mapping[str, Any]]:
 def prove(bench: benches.Bench) -> None:
     """Compare the errors without and with compensation on a surface."""
     if not {bench.device_name(side) for side in ARMS}.isdisjoint(benches.ARMS_ALONE):
-        bench.settle(lambda: [Check(True, "no accelerometer on both arms: not compared")])
+        bench.settle(lambda: [checks.Check(True, "no accelerometer on both arms: not compared")])
         return
     bench.goes_on(
         f"take the handle, and stroke the surface once the arms engage, {TRIAL} s without"
@@ -85,7 +83,7 @@ def prove(bench: benches.Bench) -> None:
     bench.settle(lambda: _compared(bench))
 
 
-def _compared(bench: benches.Bench) -> list[Check]:
+def _compared(bench: benches.Bench) -> list[checks.Check]:
     """Run the graph without compensation and with `adaptive`, and compare the errors."""
     out = bench.report_folder("prove")
     results = out.with_suffix(".json")
@@ -96,21 +94,21 @@ def _compared(bench: benches.Bench) -> list[Check]:
         *("--out", str(out), "--json", str(results)),
     )
     if ran.status:
-        return [Check(False, ran.last, "haptic-accel doctor checks the machine")]
+        return [checks.Check(False, ran.last, "haptic-accel doctor checks the machine")]
     bench.keep(out)
     conditions = json.loads(results.read_text(encoding="utf-8"))["conditions"]
     none, adaptive = sorted(conditions, key=lambda each: each["controller"], reverse=True)
     without, error = none["nrmse_percent"], adaptive["nrmse_percent"]
     if without is None or error is None:
         advice = "press the tool on the surface, and stroke along it during both trials"
-        return [Check(False, "the tool touched nothing", advice)]
+        return [checks.Check(False, "the tool touched nothing", advice)]
     least = adaptive["limited_bound_percent"]
     late = max(_late_percent(each) for each in conditions)
     if late > MOST_LATE:
         told = f"{late:.1f} % of the actuator forces took effect late"
-        in_time = Check(False, told, _more_time(bench))
+        in_time = checks.Check(False, told, _more_time(bench))
     else:
-        in_time = Check(True, "forces in time")
+        in_time = checks.Check(True, "forces in time")
     return [in_time, checks.proof_check(without, error, least or 0.0)]
 
 
@@ -130,13 +128,7 @@ def _more_time(bench: benches.Bench) -> str:
     return f"forces have {latency} samples of time from now on; measure again"
 
 
-_FUNCTIONS: dict[str, Callable[[benches.Bench], None]] = {
-    "connect": connect,
-    "calibrate": calibrate_boards,
-    "make_safe": make_safe,
-    "identify": identify,
-    "prove": prove,
-}
+_FUNCTIONS = connect, calibrate_boards, make_safe, identify, prove
 
 
 class BringUp:
@@ -173,14 +165,15 @@ class BringUp:
             The user does not answer; the same command continues at the unfinished step.
         """
         bench = self._bench
-        for number, (step, purpose) in enumerate(benches.STEPS.items(), start=1):
+        steps = zip(benches.STEPS.items(), _FUNCTIONS, strict=True)
+        for number, ((step, purpose), function) in enumerate(steps, start=1):
             bench.person.begin(number, step.replace("_", " "), purpose)
             if step in self._done:
                 bench.person.tell(f"done {self._done[step]}")
                 continue
             bench.notes.clear()
             try:
-                _FUNCTIONS[step](bench)
+                function(bench)
             except DeviceError as error:
                 raise benches.BringUpError(str(error)) from None
             bench.person.show(None)
@@ -208,8 +201,8 @@ BAR, FULL = 40, 20.0
     "haptic-accel bringup --page",
 )
 @click.option("--page", is_flag=True, help="Ask and show on a page in the browser.")
-@commands.arguments(BringUpArguments)
-def bringup(arguments: BringUpArguments, page: bool) -> None:
+@commands.arguments(benches.BringUpArguments)
+def bringup(arguments: benches.BringUpArguments, page: bool) -> None:
     """Bring up a rig in five steps: connect, calibrate, make safe, identify, prove.
 
     Each step shows the live signal, measures, and says what to do where it does not pass. Writes
@@ -228,7 +221,7 @@ def _bring_up(rig: BringUp, file: str) -> str:
     """Bring up a rig; print and return the line with the next command."""
     try:
         following = commands.next_command(*rig.run())
-    except BringUpError as error:
+    except benches.BringUpError as error:
         raise commands.StoppedError(str(error)) from None
     except EOFError:
         raise commands.StoppedError(
@@ -239,13 +232,13 @@ def _bring_up(rig: BringUp, file: str) -> str:
     return following
 
 
-def _bring_up_on_page(arguments: BringUpArguments, terminal: _Terminal) -> None:
+def _bring_up_on_page(arguments: benches.BringUpArguments, terminal: _Terminal) -> None:
     """Bring up a rig at a page, which is served until the page or Ctrl-C ends the bring-up."""
     # Imported here, because the server is slow to import and the terminal does not need it.
     from haptic_accel.kits.bringup.guide import Guide
     from haptic_accel.scope import LOCAL_HOST, Access, ScopeServer
 
-    guide = Guide(STEPS)
+    guide = Guide(benches.STEPS)
     rig = BringUp(arguments, _Both(terminal, guide))
     server = ScopeServer(guide, Access(LOCAL_HOST, ""), LOCAL_HOST, 0, guide.act, "bring_up")
     commands.show_page(server.start())
@@ -279,7 +272,7 @@ class _Both:
         self._terminal.tell(line)
         self._guide.tell(line)
 
-    def show(self, watched: Watched | None) -> None:
+    def show(self, watched: benches.Watched | None) -> None:
         self._terminal.show(watched)
         self._guide.show(watched)
 
@@ -296,7 +289,7 @@ class _Terminal:
     """Person at a terminal."""
 
     def __init__(self) -> None:
-        self._watched: Watched | None = None
+        self._watched: benches.Watched | None = None
         self._over = threading.Event()
         self._writing = threading.Lock()
         self._is_drawn = False
@@ -314,13 +307,13 @@ class _Terminal:
 
     def begin(self, number: int, step: str, purpose: str) -> None:
         self.tell("")
-        self.tell(f"{number} of {len(STEPS)}, {step}: {purpose}")
+        self.tell(f"{number} of {len(benches.STEPS)}, {step}: {purpose}")
 
     def tell(self, line: str) -> None:
         with self._above():
             commands.print_line(line)
 
-    def show(self, watched: Watched | None) -> None:
+    def show(self, watched: benches.Watched | None) -> None:
         with self._above():
             self._watched = watched
 
@@ -352,7 +345,7 @@ class _Terminal:
                     self._is_drawn = True
 
 
-def _picture(watched: Watched) -> str:
+def _picture(watched: benches.Watched) -> str:
     """Return the last samples of a signal as a bar with numbers."""
     signal = watched.last(SHOWN).acceleration
     there = signal[~np.isnan(signal)]

@@ -103,13 +103,8 @@ def certified_pair(hosts: Sequence[Sequence[str]]) -> list[Identity]:
             .sign(authority_key, hashes.SHA256())
         )
         secret = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
-        pair.append(
-            Identity(
-                authority.public_bytes(Encoding.PEM),
-                certificate.public_bytes(Encoding.PEM),
-                secret,
-            )
-        )
+        public = certificate.public_bytes(Encoding.PEM)
+        pair.append(Identity(authority.public_bytes(Encoding.PEM), public, secret))
     return pair
 
 

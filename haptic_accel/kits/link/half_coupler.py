@@ -33,7 +33,6 @@ class HalfCoupler(CouplingNode):
     def __init__(self) -> None:
         super().__init__()
         p = self.parameters
-        topics_here = ARM_TOPICS[p.side]
         axes = Axes.parsed(p.axes)
         end = core.ArmEndpoint(p.side, p, p.rate, p.latency, core.random_session(), axes)
         self.part: core.HalfCouplingPart = core.HalfCouplingPart(end, self._here, p.timeout)
@@ -41,12 +40,9 @@ class HalfCoupler(CouplingNode):
         self._local = LocalEnd(
             COUPLER, self.context.get_domain_id(), self.get_namespace().rstrip("/")
         )
-        self._motions = MotionSynchronizer(
-            *(
-                self.samples(topic, p.rate)
-                for topic in (topics_here.position, topics_here.velocity, topics_here.work)
-            )
-        )
+        here = ARM_TOPICS[p.side]
+        motion = here.position, here.velocity, here.work
+        self._motions = MotionSynchronizer(*(self.samples(each, p.rate) for each in motion))
         self._told: set[str] = set()
         self._look_due = 0.0
         (there,) = set(ARM_TOPICS) - {p.side}
