@@ -136,13 +136,14 @@ class BothWays:
     """
 
     def __init__(self) -> None:
-        self._generations = self._new(), self._new()
+        # In each generation, records of direct and of bundled messages.
+        self._generations = [(Counter[bytes](), Counter[bytes]()) for _ in range(2)]
         self._until = -math.inf
 
     def repeats(self, message: bytes, *, bundled: bool, now: float) -> bool:
         """Return True if a message, received at a monotonic time in s, is a duplicate."""
         if now >= self._until or sum(map(len, self._generations[1])) > MOST_REMEMBERED:
-            self._generations = self._generations[1], self._new()
+            self._generations = [self._generations[1], (Counter(), Counter())]
             self._until = now + DUPLICATE_MEMORY
         for generation in self._generations:
             other = generation[not bundled]
@@ -153,11 +154,6 @@ class BothWays:
                 return True
         self._generations[1][bundled][message] += 1
         return False
-
-    @staticmethod
-    def _new() -> tuple[Counter[bytes], Counter[bytes]]:
-        """Return empty records for direct messages and for bundled messages."""
-        return Counter(), Counter()
 
 
 class InOrder(Generic[Item]):

@@ -10,10 +10,8 @@ MESSAGES = "crtk_msgs"
 
 DISABLED, ENABLED, PAUSED, FAULT = STATES = ("DISABLED", "ENABLED", "PAUSED", "FAULT")
 
-ENABLE, DISABLE, PAUSE, RESUME, HOME, UNHOME = COMMANDS = (
-    *("enable", "disable", "pause", "resume"),
-    *("home", "unhome"),
-)
+COMMANDS = ("enable", "disable", "pause", "resume", "home", "unhome")
+ENABLE, DISABLE, PAUSE, RESUME, HOME, UNHOME = COMMANDS
 
 _ALLOWED = {ENABLE: (DISABLED, ENABLED, FAULT), PAUSE: (ENABLED, PAUSED), RESUME: (PAUSED,)}
 """States in which a command is valid, if not all are (CRTK, "State Transitions")."""

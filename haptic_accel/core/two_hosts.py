@@ -22,7 +22,6 @@ from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.coupling import engagement, passive
 from haptic_accel.core.coupling.engagement import Decision, EngagementParameters
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.network import endpoint
 from haptic_accel.core.network.channel import Channel, ChannelParameters
 from haptic_accel.core.network.endpoint import Endpoint, Motion, Packet, State
 from haptic_accel.core.network.playout import WAITING, Played
@@ -408,10 +407,9 @@ class HalfCouplingPart(tick.ArmCoupling):
         state = State(
             self._ready, here.engaged, stop.stopped, here.resumes, stop.began, here.count
         )
-        motion = endpoint.Motion()
+        motion = Motion()
         if newest := self._newest:
-            stamp = newest.stamp + self.offset
-            motion = endpoint.Motion(stamp, newest.position, newest.velocity)
+            motion = Motion(newest.stamp + self.offset, newest.position, newest.velocity)
         return self.end.outgoing(state, motion, now, system)
 
 

@@ -183,6 +183,8 @@ class PassiveHalf:
 
     Attributes
     ----------
+    engaged : bool
+        True while the arm is coupled.
     energy : float
         Energy in the tank, J, that may be transferred to the arm; includes the spring's potential
         energy.
@@ -207,18 +209,13 @@ class PassiveHalf:
         self._period = 1.0 / rate
         self._latency = latency
         self._ages = _AgeQuantile(rate)
-        self._engaged = self._used = False
+        self.engaged = self._used = False
         self.energy = self.shipped = self._received = 0.0
         self.limited = 0.0
         self.stiffness = self.damping = self._age = 0.0
         self._bearable = 0.0  # stiffness for the age, N/m
         self._risen = self._rise = 1.0
         self._clear()
-
-    @property
-    def engaged(self) -> bool:
-        """True while the arm is coupled."""
-        return self._engaged
 
     def engage(self, rise_time: float = 0.0) -> None:
         """Couple the arm, with a stiffness for the age of the peer's data.
@@ -228,7 +225,7 @@ class PassiveHalf:
         rise_time : float
             Time in which stiffness and damping rise from zero, s.
         """
-        self._engaged = True
+        self.engaged = True
         self._ages = _AgeQuantile(1.0 / self._period)
         self._bearable = 0.0
         self._risen, self._rise = 0.0, self._period / max(self._period, rise_time)
@@ -236,7 +233,7 @@ class PassiveHalf:
     def disengage(self) -> None:
         """Uncouple: forces are zero until the next `engage`."""
         self._settle()
-        self._engaged = False
+        self.engaged = False
 
     def change(self, parameters: PassiveParameters) -> None:
         """Change the gains; the initial energy does not change."""
@@ -286,7 +283,7 @@ class PassiveHalf:
             forces were applied.
         """
         numbers = (*position, *velocity, *set_point, *set_point_velocity, work or 0.0)
-        if not (self._engaged and sum(map(abs, numbers)) < NONSENSE):
+        if not (self.engaged and sum(map(abs, numbers)) < NONSENSE):
             self._settle()
             return ZERO
         self._start()

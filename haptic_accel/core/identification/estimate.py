@@ -103,8 +103,7 @@ class FrequencyResponse:
         For Gaussian noise in the acceleration; see Bendat and Piersol, Random Data, chapter 9.
         """
         noise_to_signal = (1.0 - self.coherence) / np.maximum(self.coherence, _TINY)
-        deviation = np.abs(self.response) * np.sqrt(noise_to_signal / (2.0 * self.averages))
-        return np.asarray(deviation)
+        return np.asarray(np.abs(self.response) * np.sqrt(noise_to_signal / (2.0 * self.averages)))
 
 
 _TINY = 1e-12

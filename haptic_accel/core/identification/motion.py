@@ -391,7 +391,7 @@ class _Problem:
         error = self.residuals(values)[: -len(EXPECTED)]
         point = self._coordinates.point(values)
         point = point.replaced({"friction": max(0.0, point.value("friction"))})
-        weight = np.tile(self._deviation, 2)
+        missed = error * np.tile(self._deviation, 2)
         return replace(
             start,
             handle=point.handle,
@@ -399,9 +399,7 @@ class _Problem:
             delay=point.delay,
             bearing=point.bearing,
             residual=math.sqrt(float(np.mean(error**2))),
-            relative_residual=float(
-                np.linalg.norm(error * weight) / np.linalg.norm(self._measured)
-            ),
+            relative_residual=float(np.linalg.norm(missed) / np.linalg.norm(self._measured)),
             count=len(error),
             inflation=self.inflation(values),
             limited=self._coordinates.limited(values),

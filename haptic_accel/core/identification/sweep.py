@@ -416,7 +416,7 @@ def multisine(parameters: SweepParameters, rate: float) -> FloatArray:
     low, high = parameters.band
     used = (frequency >= low) & (frequency <= high)
     octaves = np.log(frequency[used] / low)
-    growth = parameters.duration / math.log(high / low)  # time per factor e of frequency
+    growth = parameters._growth
     amplitude = parameters.start_amplitude + (octaves / math.log(high / low)) * (
         parameters.end_amplitude - parameters.start_amplitude
     )

@@ -87,11 +87,7 @@ def identify_three_axes(
     if not recorded:
         raise ParameterError("recorded: must hold at least one trial")
     for trial in recorded:
-        for axis, values in sweeps.by_axis(trial.handle_acceleration):
-            if not np.isfinite(values).all():
-                raise RecordingError(
-                    f"{axis}handle_acceleration: holds NaN or infinity, must be finite"
-                )
+        sweeps.check_axes(trial.actuator_force, trial.handle_acceleration)
     trials = [trial.aligned.cleaned for trial in recorded]
     response = matrices.matrix_response(trials, sweep)
     matrices.check_matrix_response(response, trials, acceleration_range)

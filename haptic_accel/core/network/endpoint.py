@@ -42,8 +42,7 @@ LARGEST_SAMPLE = 1e6
 _MAGIC = b"hapt"
 _FLAGS, _COUNT = 6, 7  # indices of flags and number of samples; all versions share magic, version
 _CHECK = struct.Struct("<I")  # CRC-32 of the preceding bytes
-_READY, _ENGAGED, _STOPPED, _RESUMES = 1, 2, 4, 8
-_STATES = _READY | _ENGAGED | _STOPPED | _RESUMES
+_STATES = 1, 2, 4, 8  # flags of ready, engaged, stopped and resumes, as in `Packet`
 _FIRST_AXIS = 16  # flag of the samples' x component; y and z follow
 
 
@@ -138,13 +137,8 @@ class Packet(NamedTuple):
 
     def pack(self) -> bytes:
         """Return the datagram."""
-        flags = (
-            _READY * self.ready
-            | _ENGAGED * self.engaged
-            | _STOPPED * self.stopped
-            | _RESUMES * self.resumes
-            | _axes_flags(self.axes.names)
-        )
+        states = zip(_STATES, self[8:12], strict=True)
+        flags = _axes_flags(self.axes.names) + sum(flag for flag, on in states if on)
         count = len(self.samples) // len(self.axes.names)
         data = _layout(len(self.samples)).pack(
             *(_MAGIC, VERSION, ARMS.index(self.side), flags, count),
@@ -183,7 +177,7 @@ def unpack(data: bytes) -> Packet:
         )
     if len(data) <= _COUNT or data[_COUNT] > MOST_SAMPLES:
         raise ValueError("damaged packet")
-    count, axes = data[_COUNT], _axes(data[_FLAGS] & ~_STATES)
+    count, axes = data[_COUNT], _axes(data[_FLAGS] & -_FIRST_AXIS)
     if axes is None:
         raise ValueError("damaged packet")
     layout = _layout(count * len(axes.names))
@@ -197,7 +191,7 @@ def unpack(data: bytes) -> Packet:
     if side >= len(ARMS) or not (possible and session and real[-1] > 0):
         raise ValueError("damaged packet")
     px, py, pz, vx, vy, vz, shipped, rate = real
-    state = (bool(flags & flag) for flag in (_READY, _ENGAGED, _STOPPED, _RESUMES))
+    state = (bool(flags & flag) for flag in _STATES)
     motion = (px, py, pz), (vx, vy, vz)
     numbers = shipped, rate, values[18]
     return Packet._make(

@@ -113,6 +113,7 @@ class Playout:
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
+        self._kept = math.ceil(JUMP * rate)  # samples, after playout
         self._resting = -math.expm1(-1.0 / (RESTING * rate))
         self.counts: Counter[str] = Counter()
         self._begin(ACTUATOR_AXES)
@@ -278,11 +279,6 @@ class Playout:
 
     def _age(self, number: float, now: float) -> float:
         return now - (number - self._base) / self._rate
-
-    @property
-    def _kept(self) -> int:
-        """Number of received samples that are kept after playout."""
-        return math.ceil(JUMP * self._rate)
 
 
 def _between(one: tuple[float, ...], two: tuple[float, ...], share: float) -> tuple[float, ...]:

@@ -184,8 +184,7 @@ class SlaveRig(Rig):
 
     def counters(self) -> dict[str, int]:
         """Return the count of out-of-range samples of the accelerometer."""
-        counts = [each.saturated for each in self._sensors if each]
-        return {"accelerometer_saturated": sum(counts)}
+        return {"accelerometer_saturated": sum(each.saturated for each in self._sensors if each)}
 
     def energy(self) -> float:
         """Return the kinetic energy and the contact's elastic energy, J."""
@@ -273,5 +272,4 @@ def _bumps(surface: SurfaceParameters, random: np.random.Generator) -> FloatArra
     # Full width at half height of a Gaussian: 2 sqrt(2 ln 2) standard deviations.
     sigma = surface.bump_width / (2 * np.sqrt(2 * np.log(2)))
     ridge = surface.bump_height * np.exp(-0.5 * (distance / sigma) ** 2)
-    heights = np.fft.irfft(np.fft.rfft(impulses) * np.fft.rfft(ridge), PROFILE_POINTS)
-    return np.asarray(heights)
+    return np.asarray(np.fft.irfft(np.fft.rfft(impulses) * np.fft.rfft(ridge), PROFILE_POINTS))

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -317,7 +316,9 @@ class Learner:
         """Fraction of the handle's power that the force explains."""
         ratio = self._ratio
         return float(
-            ratio.coherence @ ratio.output / max(float(ratio.output.sum()), sys.float_info.min)
+            ratio.coherence
+            @ ratio.output
+            / max(float(ratio.output.sum()), response_estimation.TINY)
         )
 
     def _redesign(self, grip: FloatArray) -> Iterator[bool]:

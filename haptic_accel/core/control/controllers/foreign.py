@@ -99,9 +99,8 @@ class ForeignController(Controller):
     def diagnostics(self) -> dict[str, str]:
         """Return the controller's values for diagnostics."""
         own = self._controller
-        return (
-            self._call(lambda: {str(key): str(it) for key, it in own.diagnostics().items()}) or {}
-        )
+        found = self._call(lambda: {str(key): str(it) for key, it in own.diagnostics().items()})
+        return found or {}
 
     @property
     def warning(self) -> str:
