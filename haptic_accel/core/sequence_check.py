@@ -169,10 +169,9 @@ class SolePublisher:
         numbers : sequence of int or None
             Publisher's number of each message, in order; None if the middleware has none.
         """
-        before = self.current, self._total
+        current, total = before = self.current, self._total
         if counts := self._matched():
             self.current, self._total = counts.current_count, counts.total_count
-        current, total = before
         self.changed = before != (self.current, self._total)
         self.contenders = current + self._total - total
         if self.contenders > 1:

@@ -261,8 +261,9 @@ class Channel(CoilChannel):
             cancelling = None
             if controller.reducible:
                 corner = MOTION_SHARE * loop.high_pass_frequency
-                sections = cancelling_sections(loop.plant.handle, corner, loop.rate)
-                cancelling = SampleFilter(sections)
+                cancelling = SampleFilter(
+                    cancelling_sections(loop.plant.handle, corner, loop.rate)
+                )
             if name not in OWN_CONTROLLERS:
                 controller = ForeignController(name, controller, loop)
             self._controllers[name] = controller

@@ -145,10 +145,8 @@ def comparable(
     high_pass_frequency, rate : float
         As for `without_hand_motion`.
     """
-    first, second = (
-        without_hand_motion(each, high_pass_frequency, rate) for each in (desired, handle)
-    )
-    return first, second
+    first = without_hand_motion(desired, high_pass_frequency, rate)
+    return first, without_hand_motion(handle, high_pass_frequency, rate)
 
 
 def inverse_of(model: ApproximateModel, rate: float) -> FloatArray:
@@ -171,10 +169,8 @@ def inverse_of(model: ApproximateModel, rate: float) -> FloatArray:
     """
     from scipy import signal
 
-    sections = []
-    for zeros, poles in model.sections():
-        numerator, denominator = signal.bilinear(poles, zeros, fs=rate)
-        sections.append(np.concatenate([numerator, denominator]))
+    pairs = model.sections()
+    sections = [np.concatenate(signal.bilinear(poles, zeros, fs=rate)) for zeros, poles in pairs]
     sections[0][:3] /= model.gain
     return np.array(sections)
 

@@ -206,9 +206,8 @@ class GripEstimator(Evaluation):
     def _within_bounds(self, factors: Factors) -> Factors:
         """Return the nearest factors within bounds, and count evaluations beyond each bound."""
         found = []
-        for index, (factor, low, high) in enumerate(
-            zip(factors, SMALLEST, LARGEST_FACTORS, strict=True)
-        ):
+        limits = zip(factors, SMALLEST, LARGEST_FACTORS, strict=True)
+        for index, (factor, low, high) in enumerate(limits):
             count = self._beyond[index]
             if factor >= (INSIDE * high if count >= PERSISTENT else high):
                 self._beyond[index] = max(0, count) + 1

@@ -216,9 +216,8 @@ class ResponseSupervisor:
         off = np.abs(cross - expected) ** 2 / np.maximum(expected, tiny)
         coherent = np.abs(cross) ** 2 / np.maximum(estimator.output, tiny)
         step = float(estimator.frequency[1])
-        judged = (power * step >= LEAST_EXPECTED**2) & (
-            self._bands @ coherent >= LEAST_COHERENCE * power
-        )
+        judged = power * step >= LEAST_EXPECTED**2
+        judged &= self._bands @ coherent >= LEAST_COHERENCE * power
         # A smaller force may be hidden by harmonics of friction at lower frequencies.
         judged &= self._bands @ (self._per_force * expected) * step >= self._friction**2
         force = math.sqrt(float(self._per_force @ expected) * step)

@@ -209,9 +209,8 @@ class Alignment:
         share = -math.expm1(-time / POWER_MEMORY)
         own = share * (block @ block.T / block.shape[1])
         self._powers = (1.0 - share) * self._powers + own
-        self._squares = (1.0 - share) ** 2 * self._squares + np.trace(
-            own[_EXPECTED, _EXPECTED]
-        ) ** 2
+        new = np.trace(own[_EXPECTED, _EXPECTED])
+        self._squares = (1.0 - share) ** 2 * self._squares + new**2
         expected, moved = (np.trace(self._powers[part, part]) for part in (_EXPECTED, _MOVED))
         blocks = expected**2 / max(self._squares, np.finfo(float).tiny)
         if blocks < FEWEST_BLOCKS:

@@ -846,8 +846,7 @@ def kept_powers(acceleration: FloatArray, rate: float) -> dict[str, float]:
     axis: 0.64
     principal, live: 0.98
     """
-    passed = [high_passed(each, HIGH_PASS_FREQUENCY, rate) for each in acceleration.T]
-    moving = np.column_stack(passed)
+    moving = by_component(lambda one: high_passed(one, HIGH_PASS_FREQUENCY, rate), acceleration)
     signals = {name: reduced(moving) for name, reduced in REDUCTIONS.items()}
     live = PrincipalDirection(rate)
     signals[LIVE_PRINCIPAL] = np.array([live(vector(each)) for each in moving])

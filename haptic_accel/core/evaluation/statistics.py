@@ -184,10 +184,8 @@ def nrmse_interval(desired: FloatArray, actual: FloatArray, rate: float) -> Inte
     drawn = np.random.default_rng(_SEED).integers(0, n, (RESAMPLES, n))
     below = np.sum(references[drawn], axis=1)
     ratios = np.sqrt(np.sum(errors[drawn], axis=1)[below > 0] / below[below > 0])
-    low, high = np.quantile(ratios, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    return Interval(
-        value, float(low), float(high), n, f"bootstrap over {n} pieces of {SEGMENT:g} s"
-    )
+    low, high = np.quantile(ratios, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2]).tolist()
+    return Interval(value, low, high, n, f"bootstrap over {n} pieces of {SEGMENT:g} s")
 
 
 def _squares(values: FloatArray) -> FloatArray:
@@ -235,9 +233,8 @@ def paired_difference(
         t, p_t = float(tested.statistic), float(tested.pvalue)
         if n >= FEWEST_RANKED:
             p_wilcoxon = _signed_ranks(differences, alternative)
-    return PairedDifference(
-        n, mean, effect, t, p_t, p_wilcoxon, _verdict(n, varies, p_t, p_wilcoxon)
-    )
+    verdict = _verdict(n, varies, p_t, p_wilcoxon)
+    return PairedDifference(n, mean, effect, t, p_t, p_wilcoxon, verdict)
 
 
 def flipped_signs(differences: FloatArray, alternative: Alternative = "two-sided") -> float:

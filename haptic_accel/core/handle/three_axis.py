@@ -123,9 +123,8 @@ def mass_matrix(handle: HandleParameters, coils: CoilMounting) -> FloatArray:
     mass = np.zeros((9, 9))
     mass[PLACE, PLACE] = rigid * np.eye(3)
     mass[TURN, TURN] = handle.m_h * GYRATION_RADIUS**2 * np.eye(3)
-    for coil, (direction, position) in enumerate(
-        zip(coils.directions.T, coils.positions.T, strict=True)
-    ):
+    mounted = zip(coils.directions.T, coils.positions.T, strict=True)
+    for coil, (direction, position) in enumerate(mounted):
         moved = np.zeros((3, 9))  # motion of the coil's centre by all coordinates
         moved[:, PLACE], moved[:, TURN] = np.eye(3), -_cross(position)
         moved[:, TRAVEL.start + coil] = direction

@@ -369,9 +369,7 @@ class Session:
             return False
         self.lost += ahead - 1
         # The lowest bit is the newest packet; a long silence clears all others.
-        self._seen = (self._seen << min(ahead, DUPLICATE_WINDOW) | 1) & (
-            (1 << DUPLICATE_WINDOW) - 1
-        )
+        self._seen = (self._seen << min(ahead, DUPLICATE_WINDOW) | 1) % (1 << DUPLICATE_WINDOW)
         self._newest = sequence
         return True
 

@@ -244,9 +244,8 @@ def _roughness(surface: SurfaceParameters, random: np.random.Generator) -> Float
     if surface.roughness == 0:
         return np.zeros(PROFILE_POINTS)
     frequency = np.fft.rfftfreq(PROFILE_POINTS, PROFILE_STEP)
-    within = (frequency >= 1 / surface.longest_wavelength) & (
-        frequency <= 1 / surface.shortest_wavelength
-    )
+    within = frequency >= 1 / surface.longest_wavelength
+    within &= frequency <= 1 / surface.shortest_wavelength
     amplitude = frequency[within] ** (-surface.roughness_exponent / 2)
     spectrum = np.zeros(len(frequency), dtype=complex)
     spectrum[within] = amplitude * np.exp(2j * np.pi * turns[within])

@@ -178,8 +178,7 @@ class Scene:
         found = {}
         for each in self.objects:
             distances = each.distances(points.reshape(-1, 3)).reshape(len(up), len(across))
-            lines = contour_generator(across, up, distances).lines(0.0)
-            if lines:
+            if lines := contour_generator(across, up, distances).lines(0.0):
                 found[each.name] = [np.asarray(line) for line in lines]
         return found
 

@@ -295,10 +295,6 @@ class _Plane:
         return np.asarray(feet[np.arange(len(points)), nearest])
 
 
-def _empty() -> FloatArray:
-    return np.empty(0)
-
-
 @dataclass(frozen=True, eq=False)
 class TextureModel:
     """Texture: filters for white noise at nodes of the plane of speed and normal force.
@@ -334,8 +330,8 @@ class TextureModel:
     forces: FloatArray
     lsf: FloatArray
     deviation: FloatArray
-    ma_lsf: FloatArray = field(default_factory=_empty)
-    gain: FloatArray = field(default_factory=_empty)
+    ma_lsf: FloatArray = field(default_factory=lambda: np.empty(0))
+    gain: FloatArray = field(default_factory=lambda: np.empty(0))
     coulomb_friction: float | None = None
     provenance: Provenance = Provenance()
 
@@ -445,8 +441,8 @@ class TextureModel:
             rate=rate,
             lsf=np.array([from_polynomial(each) for each in polynomials]),
             deviation=self.deviation * self.gain * np.sqrt(variances[:, -1]),
-            ma_lsf=_empty(),
-            gain=_empty(),
+            ma_lsf=np.empty(0),
+            gain=np.empty(0),
         )
 
 

@@ -38,9 +38,8 @@ def write_parquet(bag: Bag, folder: Path) -> None:
         fields = [pa.field(axis, pa.float64(), metadata=unit) for axis in ALL_AXES.names]
         fields.insert(0, pa.field("stamp", pa.timestamp("ns", "UTC")))
         schema = pa.schema(fields, metadata={METADATA_KEY: json.dumps(own)})
-        with parquet.ParquetWriter(
-            folder / f"{exported.name}.parquet", schema, **OPTIONS
-        ) as writer:
+        file = folder / f"{exported.name}.parquet"
+        with parquet.ParquetWriter(file, schema, **OPTIONS) as writer:
             for stamps, columns in _parts(signal):
                 moments = pa.array(stamps).cast(schema.field("stamp").type)
                 writer.write_table(pa.table([moments, *columns], schema=schema))

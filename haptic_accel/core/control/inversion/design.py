@@ -154,9 +154,8 @@ class InverseFilter:
         frequency = np.asarray(frequency, dtype=np.float64)
         turned = np.exp(-2j * np.pi * frequency / self.rate)
         convolved = np.polynomial.polynomial.polyval(turned, self.taps)
-        return np.asarray(
-            filters.section_response(self.sections, frequency, self.rate) * convolved
-        )
+        recursive = filters.section_response(self.sections, frequency, self.rate)
+        return np.asarray(recursive * convolved)
 
 
 @dataclass(frozen=True)
