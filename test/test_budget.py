@@ -19,7 +19,7 @@ ROOTS = "roots"
 
 BUDGETS = {
     ROOTS: 90,
-    "core": 14_619,
+    "core": 14_596,
     "analysis": 4_033,
     "nodes": 3_915,
     "kits/study": 3_865,
@@ -31,7 +31,7 @@ BUDGETS = {
     "materials": 1_356,
     "kits/emulators": 1_128,
     "graph": 1_165,
-    "kits/export": 913,
+    "kits/export": 912,
     "kits/link": 808,
     "kits/textures": 1_021,
     "kits/bringup": 988,

@@ -134,11 +134,9 @@ def build_parts(
     ParameterError
         A value is not allowed.
     """
-    on_master, on_slave = rig.safety
+    (on_master, on_slave), axes = rig.safety, axes_of(rig.master)
     sides = {
-        tick.MASTER: rig_side(
-            devices[tick.MASTER], on_master, rate, latency, axes=axes_of(rig.master)
-        ),
+        tick.MASTER: rig_side(devices[tick.MASTER], on_master, rate, latency, axes=axes),
         tick.SLAVE: rig_side(devices[tick.SLAVE], on_slave, rate, latency, (tick.ARM,)),
     }
     built = Compensation(compensation, rate, controllers, latency=latency, clock=clock)
@@ -171,7 +169,6 @@ def build_loop(
     for arm in topics.ARMS:
         engagement.arm_stopped(arm, False)
     rate, latency = sides[tick.MASTER].rate, sides[tick.MASTER].latency
-    coupled = tick.CouplingPart(
-        rig.coupled(rate, latency), engagement, rate, longest, counted=composed
-    )
+    law = rig.coupled(rate, latency)
+    coupled = tick.CouplingPart(law, engagement, rate, longest, counted=composed)
     return tick.HostLoop(sides, coupled, compensation)

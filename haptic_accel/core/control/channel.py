@@ -261,9 +261,8 @@ class Channel(CoilChannel):
             cancelling = None
             if controller.reducible:
                 corner = MOTION_SHARE * loop.high_pass_frequency
-                cancelling = SampleFilter(
-                    cancelling_sections(loop.plant.handle, corner, loop.rate)
-                )
+                sections = cancelling_sections(loop.plant.handle, corner, loop.rate)
+                cancelling = SampleFilter(sections)
             if name not in OWN_CONTROLLERS:
                 controller = ForeignController(name, controller, loop)
             self._controllers[name] = controller

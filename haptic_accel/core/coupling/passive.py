@@ -424,9 +424,8 @@ class PassiveHalf:
         self._spring_energy = min(spring, reach) ** 2 / (2.0 * k)
         reserve = size * shorter * travel
         b *= shorter
-        return _Force(
-            (fx * shorter, fy * shorter, fz * shorter), (-b * vx, -b * vy, -b * vz), reserve
-        )
+        total = fx * shorter, fy * shorter, fz * shorter
+        return _Force(total, (-b * vx, -b * vy, -b * vz), reserve)
 
     def _recovered(self, share: float, possible: float, requested: float) -> float:
         """Return the possible share of a requested force; it rises slowly from the last."""

@@ -245,14 +245,12 @@ def _identify_grip(
         force = sweeps.kept_repeats(trial.actuator_force, sweep, trial.rate)
         acceleration = sweeps.kept_repeats(trial.handle_acceleration, sweep, trial.rate)
         estimate.check_recording(force, acceleration, trial.rate, sweep.band, acceleration_range)
-        responses.append(
-            estimate.dft_ratio(force, acceleration, trial.rate, sweep.band, sweep.repeats - 1)
-        )
+        used = sweep.band, sweep.repeats - 1
+        responses.append(estimate.dft_ratio(force, acceleration, trial.rate, *used))
         forces.append(force)
         accelerations.append(centred(acceleration))
-    averaged = estimate.h1(
-        np.concatenate(forces), np.concatenate(accelerations), trials[0].rate, sweep.band
-    )
+    whole = np.concatenate(forces), np.concatenate(accelerations)
+    averaged = estimate.h1(*whole, trials[0].rate, sweep.band)
     found, doubts = choose_fit(trials, responses, sweep, fit, free, tell)
     return GripIdentification(trials, responses, averaged, estimate.h2(averaged), found, doubts)
 

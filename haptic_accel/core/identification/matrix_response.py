@@ -462,9 +462,8 @@ def _taps(
         weights = 1.0 / np.append(deviation[:, axis, coil], unknown)
         rows = _stacked(basis * weights[:, np.newaxis])
         largest = max(1.0, float(np.abs(target).max()))
-        taps[axis, coil] = np.linalg.solve(
-            rows.T @ rows + prior / largest**2, rows.T @ _stacked(target * weights)
-        )
+        right = rows.T @ _stacked(target * weights)
+        taps[axis, coil] = np.linalg.solve(rows.T @ rows + prior / largest**2, right)
     return taps
 
 

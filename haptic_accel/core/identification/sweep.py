@@ -101,6 +101,10 @@ class SweepParameters(Checked):
         """Time in which the frequency increases by a factor of e, s."""
         return self.duration / math.log(self.end_frequency / self.start_frequency)
 
+    def _amplitude(self, share: FloatArray) -> FloatArray:
+        """Return the amplitudes at shares of the way from the start of the sweep to its end, N."""
+        return self.start_amplitude + share * (self.end_amplitude - self.start_amplitude)
+
     def _cycles(self, time: float) -> float:
         """Return the number of cycles up to a time in s."""
         return self.start_frequency * self._growth * math.expm1(time / self._growth)
@@ -134,9 +138,7 @@ def sweep(parameters: SweepParameters, rate: float) -> FloatArray:
     growth = parameters._growth
     whole = math.floor(parameters._cycles(float(time[-1])))
     end = growth * math.log1p(whole / (parameters.start_frequency * growth))
-    amplitude = parameters.start_amplitude + (time / parameters.duration) * (
-        parameters.end_amplitude - parameters.start_amplitude
-    )
+    amplitude = parameters._amplitude(time / parameters.duration)
     cycles = parameters.start_frequency * growth * np.expm1(time / growth)
     force = amplitude * np.sin(2 * np.pi * cycles)
     force[time >= end] = 0.0
@@ -417,9 +419,7 @@ def multisine(parameters: SweepParameters, rate: float) -> FloatArray:
     used = (frequency >= low) & (frequency <= high)
     octaves = np.log(frequency[used] / low)
     growth = parameters._growth
-    amplitude = parameters.start_amplitude + (octaves / math.log(high / low)) * (
-        parameters.end_amplitude - parameters.start_amplitude
-    )
+    amplitude = parameters._amplitude(octaves / math.log(high / low))
     # The sweep spends growth / f seconds per Hz at the frequency f.
     line = amplitude * np.sqrt(growth / frequency[used]) / parameters.duration
     # Phase: the integral of the group delay growth * octaves over frequency; a sine at the start.

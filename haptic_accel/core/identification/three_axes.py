@@ -103,12 +103,8 @@ def identify_three_axes(
         evaluation.check_determined(f"axis {name}", fits[name])
         undecided += [f"axis {name}: {warning}" for warning in doubts]
     tell(LAST_STAGE)
-    own = [
-        _as_recorded(found, force, sweep, response)
-        for found, force in zip(
-            fits.values(), sweeps.multisine(sweep, response.rate).T, strict=True
-        )
-    ]
+    driven = zip(fits.values(), sweeps.multisine(sweep, response.rate).T, strict=True)
+    own = [_as_recorded(found, force, sweep, response) for found, force in driven]
     recorded_own = np.stack(own, axis=1)
     coupling = matrices.fit_coupling(response, recorded_own, _passed(fits, response))
     x, y, z = map(_plant, fits.values())

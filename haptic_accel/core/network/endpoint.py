@@ -515,9 +515,8 @@ class ClockOffset:
         offsets = [each.offset for each in self._exchanges]
         middle, mean = _mean(times, weights), _mean(offsets, weights)
         spread = _mean([(time - middle) ** 2 for time in times], weights)
-        products = [
-            (time - middle) * (offset - mean) for time, offset in zip(times, offsets, strict=True)
-        ]
+        pairs = zip(times, offsets, strict=True)
+        products = [(time - middle) * (offset - mean) for time, offset in pairs]
         self.drift = _mean(products, weights) / spread
         self._offset = mean - self.drift * middle
         self.bound += abs(self._offset - best.offset)

@@ -263,9 +263,8 @@ def _bumps(surface: SurfaceParameters, random: np.random.Generator) -> FloatArra
     count = max(1, round(length / surface.bump_pitch))
     spread = surface.bump_irregularity * length / count
     centres = np.arange(count) * (length / count) + random.normal(0.0, 1.0, count) * spread
-    impulses = np.bincount(
-        np.round(centres / PROFILE_STEP).astype(int) % PROFILE_POINTS, minlength=PROFILE_POINTS
-    )
+    places = np.round(centres / PROFILE_STEP).astype(int) % PROFILE_POINTS
+    impulses = np.bincount(places, minlength=PROFILE_POINTS)
     position = np.arange(PROFILE_POINTS) * PROFILE_STEP
     distance = np.minimum(position, length - position)
     # Full width at half height of a Gaussian: 2 sqrt(2 ln 2) standard deviations.

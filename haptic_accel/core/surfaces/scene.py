@@ -115,12 +115,10 @@ class Scene:
 
     def moved(self, by: Vector) -> Scene:
         """Return the scene with all objects moved, m; the start position remains."""
-        return replace(
-            self,
-            objects=tuple(
-                replace(each, position=tuple(map(add, each.position, by))) for each in self.objects
-            ),
+        objects = (
+            replace(each, position=tuple(map(add, each.position, by))) for each in self.objects
         )
+        return replace(self, objects=tuple(objects))
 
     def first_hit(self, point: Vector, direction: Vector, way: float) -> tuple[int, float]:
         """Return the first object hit by a ray of limited length, and the distance to it.

@@ -115,9 +115,8 @@ class Box(Convex):
 
     def distances(self, points: FloatArray) -> FloatArray:
         """Return the signed distances of points of shape (n, 3), m."""
-        return _outside_corner(
-            np.abs(points) - np.array([self.length, self.width, self.height]) / 2
-        )
+        half = np.array([self.length, self.width, self.height]) / 2
+        return _outside_corner(np.abs(points) - half)
 
 
 @dataclass(frozen=True)

@@ -407,9 +407,8 @@ class TextureModel:
         positions = self.locate(np.array([speed]), np.array([force]))
         lsf, ma_lsf = positions.interpolate(self.lsf), positions.interpolate(self.ma_lsf)
         gain = power_gain(*map(to_polynomial, (ma_lsf, lsf)))
-        return np.asarray(
-            positions.interpolate(self.rms) ** 2 / gain * self._shapes(lsf, ma_lsf, frequency)[0]
-        )
+        shape = self._shapes(lsf, ma_lsf, frequency)[0]
+        return np.asarray(positions.interpolate(self.rms) ** 2 / gain * shape)
 
     def _shapes(self, lsf: FloatArray, ma_lsf: FloatArray, frequency: FloatArray) -> FloatArray:
         """Return the one-sided power densities of filtered unit white noise, 1/Hz."""

@@ -78,9 +78,8 @@ class Hdf5Writer(Writer):
         observations["qpos"], observations["qvel"] = found.state[:, :3], found.state[:, 3:]
         file["action"] = found.action[:, :3]
         file["stamps"] = found.times
-        file["engaged"] = np.any(
-            [(begin <= found.times) & (found.times <= end) for begin, end in periods], axis=0
-        )
+        engaged = [(begin <= found.times) & (found.times <= end) for begin, end in periods]
+        file["engaged"] = np.any(engaged, axis=0)
         for part, windows in (("tool", found.tool), ("handle", found.handle)):
             observations[f"vibration/{part}"] = windows
             about_windows = rates.description(bag.axes) | {"unit": "m/s^2"}

@@ -246,9 +246,8 @@ class Learner:
         self._tool_power = self._above * tool
         self._expected_power = float(self._tool_power @ self._expected)
         self._taps = family.basis.shape[2]
-        self._travel_costs = np.array(
-            [[design.travel_cost(corner)] for corner in design.TRAVEL_CORNERS]
-        )
+        costs = [design.travel_cost(corner) for corner in design.TRAVEL_CORNERS]
+        self._travel_costs = np.array(costs)[:, np.newaxis]
         self._work: Iterator[bool] | None
         self.reset()
 

@@ -75,9 +75,8 @@ class InverseController(InverseForce, Controller):
     ) -> None:
         plant = loop.plant
         self._bank = bank
-        excursion = ExcursionControl(
-            bank.taps, bank.motion, plant.handle, loop.travel_limit, loop.rate
-        )
+        limit = loop.travel_limit
+        excursion = ExcursionControl(bank.taps, bank.motion, plant.handle, limit, loop.rate)
         # A force acts in the period before the sample that shows its effect.
         lag = parameters.granted_delay(loop.rate) - 0.5 - plant.delay * loop.rate
         friction = FrictionCompensation(plant.handle, plant.friction, loop.rate, lag)

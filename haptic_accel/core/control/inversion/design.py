@@ -250,9 +250,8 @@ def design_bank(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> Inverse
     """
     problem = _Problem(plant, rate, goal)
     taps = problem.solutions(TRAVEL_CORNERS)[:, 0]
-    return InverseBank(
-        extension(goal.high_pass_frequency, rate), taps, tap_responses(plant, rate, taps)
-    )
+    sections = extension(goal.high_pass_frequency, rate)
+    return InverseBank(sections, taps, tap_responses(plant, rate, taps))
 
 
 def expected_input(rate: float, goal: Goal, lags: int) -> FloatArray:
