@@ -19,7 +19,7 @@ ROOTS = "roots"
 
 BUDGETS = {
     ROOTS: 90,
-    "core": 14_596,
+    "core": 14_582,
     "analysis": 4_033,
     "nodes": 3_915,
     "kits/study": 3_865,
@@ -34,7 +34,7 @@ BUDGETS = {
     "kits/export": 912,
     "kits/link": 808,
     "kits/textures": 1_021,
-    "kits/bringup": 988,
+    "kits/bringup": 987,
     "kits/lerobot": 367,
     "links": 101,
     "pages": 39,

@@ -225,8 +225,7 @@ class Diagnosis:
         frequency = float(self._lines[peak])
         if frequency < LOWEST_MODE:
             return NOTHING
-        text = f"a mode near {frequency:.0f} Hz is not described"
-        return Difference(MODE, (frequency,), text)
+        return Difference(MODE, (frequency,), f"a mode near {frequency:.0f} Hz is not described")
 
     def _fitted(self, terms: ComplexArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the best grip for each delay, and the remaining relative deviation."""

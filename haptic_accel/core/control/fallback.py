@@ -208,8 +208,7 @@ class Fallback(Substitution):
     def _tracked_pairs(self, length: int) -> tuple[FloatArray, FloatArray]:
         # `dynamic` lags by one sample, regardless of the controller's granted delay.
         later = max(0, self._granted - 1) if self.substitute == DYNAMIC else 0
-        desired = self._desired(length, self._delay - later)
-        return desired, latest(self.trace, MEASURED, length)
+        return self._desired(length, self._delay - later), latest(self.trace, MEASURED, length)
 
     def _prospects(self, length: int) -> tuple[FloatArray, FloatArray]:
         expected = self.supervisor.expected(length, DRIVE, self._replaced)

@@ -153,8 +153,7 @@ class ResponseSupervisor:
         new = min(length, self.trace.count - self._expected_until)
         self._expected_until = self.trace.count
         self._expected = np.concatenate([self._expected[new:], self.expected(new)])
-        measured = response_estimation.latest(self.trace, MEASURED, length)
-        return self._expected.copy(), measured
+        return self._expected.copy(), response_estimation.latest(self.trace, MEASURED, length)
 
     def update(self) -> bool:
         """Execute a part of pending computations; return True after a new result."""

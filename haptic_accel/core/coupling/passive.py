@@ -526,8 +526,7 @@ def _toward(start: Vector, end: Vector, share: float) -> Vector:
 
 def of_slave(parameters: PassiveParameters) -> PassiveParameters:
     """Return the parameters of the slave's half, converted to the master's scale."""
-    force = parameters.max_force / parameters.scale
-    return replace(parameters, max_force=min(force, 100.0))
+    return replace(parameters, max_force=min(parameters.max_force / parameters.scale, 100.0))
 
 
 def scaled(vector: Vector, factor: float, origin: Vector = ZERO) -> Vector:

@@ -316,8 +316,7 @@ def _inside(frequency: FloatArray, band: Band) -> npt.NDArray[np.bool_]:
 
 def _ratio(numerator: Values, denominator: FloatArray) -> Values:
     """Return a quotient that is zero where the denominator is zero."""
-    zeros = np.zeros_like(numerator)
-    return np.divide(numerator, denominator, out=zeros, where=denominator > 0)
+    return np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator > 0)
 
 
 def smoothed(values: Values) -> Values:

@@ -422,8 +422,7 @@ def _smoothed(
     basis = basis[: len(own)]
     constant = basis[:, 0]
     if chosen is None:
-        scatter = np.full(len(own), math.sqrt(noise / free / 2))
-        return best, static * constant, scatter
+        return best, static * constant, np.full(len(own), math.sqrt(noise / free / 2))
     directions, shrunk, turned = chosen
     size = len(directions)
     seen = (basis[:, 1 : size + 1] - np.outer(constant, towards[:size])) @ directions

@@ -133,8 +133,7 @@ def sweep(parameters: SweepParameters, rate: float) -> FloatArray:
     ParameterError
         The end frequency is not below half the rate.
     """
-    samples = repeat_samples(parameters, rate)
-    time = np.arange(samples) / rate
+    time = np.arange(repeat_samples(parameters, rate)) / rate
     growth = parameters._growth
     whole = math.floor(parameters._cycles(float(time[-1])))
     end = growth * math.log1p(whole / (parameters.start_frequency * growth))

@@ -176,8 +176,7 @@ def _as_recorded(
     """Return a fitted axis' response to a periodic force, including the effect of dry friction."""
     if not fit.certain_friction:
         return _causal(fit).response(found.frequency, found.rate)
-    repeats = sweeps.DROPPED_REPEATS + 1
-    (moved,) = simulated([_causal(fit)], np.tile(force, repeats), found.rate)
+    (moved,) = simulated([_causal(fit)], np.tile(force, sweeps.DROPPED_REPEATS + 1), found.rate)
     settled = moved[sweeps.DROPPED_REPEATS * len(force) :]
     return np.asarray(np.fft.rfft(settled)[found.lines] / np.fft.rfft(force)[found.lines])
 

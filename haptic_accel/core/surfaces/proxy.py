@@ -82,8 +82,7 @@ class Proxy:
         short = _ARRIVED
         for _ in range(STEPS):
             x, y, z = self.position
-            way = math.dist(self.position, tool)
-            near, clearance = self._near(x, y, z, way + margin)
+            near, clearance = self._near(x, y, z, math.dist(self.position, tool) + margin)
             goal = _nearest_outside(tool, [plane for plane, _ in near]) if near else tool
             d_x, d_y, d_z = step = goal[0] - x, goal[1] - y, goal[2] - z
             length = math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z)

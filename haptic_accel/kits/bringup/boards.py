@@ -334,8 +334,7 @@ def _probed(bench: benches.Bench) -> list[Check]:
         setup.update_parameter_file(
             bench.path, {setup.EVERY_NODE: {ACTUATOR: {"force_constant": turned}}}
         )
-        text = f"the coil pushes backwards: force constant made {turned:g} N/A"
-        found[1] = Check(True, text)
+        found[1] = Check(True, f"the coil pushes backwards: force constant made {turned:g} N/A")
     return found
 
 

@@ -55,8 +55,7 @@ class ForeignController(Controller):
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the controller's force, or the fading last force after a failure."""
         self._samples += 1
-        call = self._controller.force
-        result = self._call(call, desired_acceleration, measured_acceleration)
+        result = self._call(self._controller.force, desired_acceleration, measured_acceleration)
         if isinstance(result, Real) and math.isfinite(result):
             self._last, self._left = float(result), self._fading
             return self._last

@@ -248,8 +248,7 @@ class Tracking:
         gram = _product(_adjoint(response), response)
         for coil in range(len(gram)):
             gram[coil, coil] += cost[coil, 0]
-        factor = _right_factor(self.grid, gram)
-        inverse = _inverse(factor)
+        inverse = _inverse(_right_factor(self.grid, gram))
         aimed = _product(_adjoint(inverse), _product(_adjoint(response), target))
         driven = _product(inverse, _causal(self.grid, aimed))
         missed = float(np.sum(np.abs(_product(response, driven) - target) ** 2))

@@ -233,8 +233,7 @@ def design_inverse(plant: Dynamics, rate: float, goal: Goal = DEFAULT_GOAL) -> I
     ParameterError
         A parameter is out of range, or the plant does not allow the rate.
     """
-    problem = _Problem(plant, rate, goal)
-    ((taps,),) = problem.solutions((goal.travel_corner,))
+    ((taps,),) = _Problem(plant, rate, goal).solutions((goal.travel_corner,))
     return InverseFilter(extension(goal.high_pass_frequency, rate), taps, rate, goal)
 
 
@@ -248,8 +247,7 @@ def design_bank(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> Inverse
     -------
     InverseBank
     """
-    problem = _Problem(plant, rate, goal)
-    taps = problem.solutions(TRAVEL_CORNERS)[:, 0]
+    taps = _Problem(plant, rate, goal).solutions(TRAVEL_CORNERS)[:, 0]
     sections = extension(goal.high_pass_frequency, rate)
     return InverseBank(sections, taps, tap_responses(plant, rate, taps))
 

@@ -47,8 +47,7 @@ def improved(
     """
     count, length = columns.shape
     size = 2 * length
-    none = np.zeros((count, 1))
-    mirrored = np.concatenate([none, columns[:, :0:-1]], axis=1)
+    mirrored = np.concatenate([np.zeros((count, 1)), columns[:, :0:-1]], axis=1)
     matrices = np.fft.rfft(np.concatenate([columns, mirrored], axis=1)).real
     yield None
     index = np.arange(length)
