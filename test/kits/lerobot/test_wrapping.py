@@ -118,6 +118,7 @@ def test_a_follower_observes_what_the_leaders_fast_path_measures(built: PlugIns)
     try:
 
         def strong() -> bool:
+            leader.get_action()  # the simulated hand moves once the coil may
             return float(np.std(window(follower.get_observation()))) > 1.0
 
         wait_until(strong, "texture under the simulated tool")
