@@ -19,7 +19,7 @@ ROOTS = "roots"
 
 BUDGETS = {
     ROOTS: 90,
-    "core": 14_582,
+    "core": 14_579,
     "analysis": 4_033,
     "nodes": 3_915,
     "kits/study": 3_865,

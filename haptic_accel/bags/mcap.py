@@ -54,10 +54,10 @@ _DATA_END = struct.Struct("<BQI")  # with the record's header
 _ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
 # Record of a message up to its data: RECORD and MESSAGE_HEADER as a numpy type.
 _HEAD = np.dtype(
-    [
-        *[("kind", "u1"), ("length", "<u8"), ("channel", "<u2")],
-        *[("sequence", "<u4"), ("time", "<u8"), ("publish_time", "<u8")],
-    ]
+    {
+        "names": ["kind", "length", "channel", "sequence", "time", "publish_time"],
+        "formats": ["u1", "<u8", "<u2", "<u4", "<u8", "<u8"],
+    }
 )
 
 _DECOMPRESSORS = {"lz4": lz4.LZ4FrameDecompressor, "zstd": zstd.ZstdDecompressor}

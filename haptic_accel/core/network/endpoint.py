@@ -137,7 +137,7 @@ class Packet(NamedTuple):
 
     def pack(self) -> bytes:
         """Return the datagram."""
-        states = zip(_STATES, self[8:12], strict=True)
+        states = zip(_STATES, (self.ready, self.engaged, self.stopped, self.resumes), strict=True)
         flags = _axes_flags(self.axes.names) + sum(flag for flag, on in states if on)
         count = len(self.samples) // len(self.axes.names)
         data = _layout(len(self.samples)).pack(

@@ -262,17 +262,15 @@ def _preferences(protocol: Protocol, trials: planned_tests.Trials) -> Iterator[R
         )
     except ValueError:  # the compared pairs do not connect all conditions
         return
-    by_name = dict(zip(names.values(), worths, strict=True))
+    named = [*zip(names.values(), worths, strict=True)]
     yield Result(
         "worths",
         "Worth of each condition",
         "Log worths by Bradley and Terry: the odds that one condition is preferred to another are"
         " the exponential of the difference of theirs. Intervals are of a jackknife over the"
         " participants.",
-        [{"condition": name, "log_worth": worth} for name, worth in by_name.items()],
-        plots.strips(
-            {name: Strip((), worth) for name, worth in by_name.items()}, "log worth", 0.0
-        ),
+        [{"condition": name, "log_worth": worth} for name, worth in named],
+        plots.strips({name: Strip((), worth) for name, worth in named}, "log worth", 0.0),
     )
 
 

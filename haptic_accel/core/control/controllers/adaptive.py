@@ -314,11 +314,8 @@ class Learner:
     def explained(self) -> float:
         """Fraction of the handle's power that the force explains."""
         ratio = self._ratio
-        return float(
-            ratio.coherence
-            @ ratio.output
-            / max(float(ratio.output.sum()), response_estimation.TINY)
-        )
+        total = max(float(ratio.output.sum()), response_estimation.TINY)
+        return float(ratio.coherence @ ratio.output / total)
 
     def _redesign(self, grip: FloatArray) -> Iterator[bool]:
         """Solve for all members of the bank in parts; yield after each part, finally True."""
