@@ -215,7 +215,7 @@ def test_an_average_is_over_the_surfaces_that_have_all_errors(tmp_path: Path) ->
         write_bag(tmp_path / f"{controller}_text", copy(controller, "text", gain=gain))
     write_bag(tmp_path / "vinyl", copy("dynamic", "vinyl", gain=0.5))
     write_bag(tmp_path / "blind", copy("constant", "vinyl", seed=1, blind=True))
-    told = line_with("Error (NRMSE, averaged over text)", load(tmp_path))
+    told = line_with("Error (NRMSE, averaged over text), ", load(tmp_path))
     assert "shifted back by 1 ms (1 sample): dynamic 10.0 %" in told
 
 
@@ -355,7 +355,9 @@ def test_a_handle_that_is_not_as_the_compensator_was_told_is_named(tmp_path: Pat
     assert told["known"] == []
     assert len(told["unknown"]) == 1
     assert "run identify, a mode near 184 Hz is not described (from 0." in told["unknown"][0]
-    assert any("In 1 of 2 trials the handle is not as" in line for line in summary(analysis))
+    assert any(
+        "In 1 of 2 trials the handle is not as described " in line for line in summary(analysis)
+    )
     for name, message in (("silent", "OK"), ("loud", "the handle is not as described above 1 Hz")):
         # The live compensator knew which samples were missing or out of order.
         said = [(seconds, "compensator", message, {}) for seconds in (1.0, 2.0)]

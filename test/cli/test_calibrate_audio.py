@@ -55,7 +55,10 @@ def test_the_input_of_another_sensor_is_named_and_nothing_is_written(tmp_path: P
     [
         (["by:=force", "mass:=0.1"], "full_scale = 0: must be given with by:=force"),
         (["by:=reference"], "reference_scale = 0: must be given with by:=reference"),
-        (["by:=reference", "reference_scale:=9", "reference:=1"], "reference = 1: must be anoth"),
+        (
+            ["by:=reference", "reference_scale:=9", "reference:=1"],
+            "reference = 1: must be another channel than input",
+        ),
         (["by:=guess"], "by = 'guess': must be one of gravity, reference, force, name, relative"),
         (["port:=/dev/null"], "port: no such argument"),
         (["by:=name", "device:=HDA"], "device = 'HDA': states no scale"),

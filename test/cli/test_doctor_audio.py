@@ -174,5 +174,5 @@ def test_a_card_that_needs_more_latency_than_allowed_is_refused(
     monkeypatch.setattr("builtins.input", lambda _: "1")
     file = folder / "audio.yaml"
     told = refusal("doctor", "audio", f"device:={QUAD}", f"file:={file}", status=1)
-    assert "sound card quad: needs latency:=61 with 64 samples a block, must be at most" in told
+    assert "sound card quad: needs latency:=61 with 64 samples a block, must be at most 20" in told
     assert not file.exists()

@@ -243,7 +243,9 @@ def test_a_stop_outlasts_who_gave_it_and_the_coupler_and_all_are_released_or_non
     # A coupler that starts again is told of the stop.
     kill(nodes["coupler"])
     nodes["coupler"] = begin("coupler")
-    nodes["coupler"].wait_for("only (slave and master|master and slave) stopped; all are stopped")
+    nodes["coupler"].wait_for(
+        "only (slave and master|master and slave) stopped; all are stopped again"
+    )
     observer.wait_for_state(topics.COUPLER_STOPPED, True)
     wait_until(lambda: released(observer)[0], "released, once the coupler is old enough")
     nodes["coupler"].wait_for("engaged")

@@ -203,7 +203,9 @@ class TestGraphAsStarted(LookAtOneGraph):
         assert "Traceback" not in command.text
         assert "0 dropped" in command.wait_for("messages")
         arrangement, stop, *_ = command.lines
-        assert arrangement.startswith("one process for master_device, slave_device, coupler and ")
+        assert arrangement.startswith(
+            "one process for master_device, slave_device, coupler and comp"
+        )
         assert stop.startswith("emergency stop: haptic-accel estop in another terminal;")
         assert command.lines[-1] == f"next: haptic-accel analyze {bag}"
         for device in ("master_device", "slave_device"):

@@ -327,7 +327,10 @@ def test_high_pass_and_limit_can_be_chosen() -> None:
     ("run", "name", "value", "message"),
     [
         (run_trial, "controller", "magic", "'magic': must be one of none, constant, dyn"),
-        *((run_trial, "rate", each, f"{each}: must be above 0") for each in (0.0, *NOT_FINITE)),
+        *(
+            (run_trial, "rate", each, f"{each}: must be above 0 Hz$")
+            for each in (0.0, *NOT_FINITE)
+        ),
         (run_trial, "rate", 30.0, "30: must be above twice high_pass_frequency = 15 Hz$"),
         *(
             (run, "latency", each, f"{each}: must be from 0 to 20 samples$")

@@ -228,7 +228,11 @@ FIFTH = {"device": QUAD, "channels": "4, 5"}
         ("latency = 7: must be at least 8", {"block": 128, "latency": 7}, ACTUATOR_AXES),
         ("latency = 20: must be at least 49", {"block": 1024, "latency": 20}, ACTUATOR_AXES),
         ("audio.block = 32: must be at least 45, the samples", {"block": 32}, ACTUATOR_AXES),
-        ("audio.channels = '4, 5': channel 5 must be at most 4, as", FIFTH, ACTUATOR_AXES),
+        (
+            "audio.channels = '4, 5': channel 5 must be at most 4, as the sound card quad has no",
+            FIFTH,
+            ACTUATOR_AXES,
+        ),
         ("audio.channels = '3': channel 3", {"device": "stereo", "channels": "3"}, ACTUATOR_AXES),
         ("audio.channels = '1': channel 3 must be at most 2", {"device": "stereo"}, ALL_AXES),
         ("audio.coil_mounting: axes that are not orthogo", {"coil_mounting": TURNED}, ALL_AXES),

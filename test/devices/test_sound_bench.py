@@ -84,8 +84,14 @@ def test_an_answer_is_found_after_its_delay_and_silence_is_none() -> None:
 @pytest.mark.parametrize(
     ("given", "refused"),
     [
-        ({"inputs": "1, 2", "scales": "1 1"}, "audio.inputs = '1, 2': must be one channel, or"),
-        ({"inputs": "1, x", "scales": "1"}, "audio.inputs = '1, x': must be different whole"),
+        (
+            {"inputs": "1, 2", "scales": "1 1"},
+            "audio.inputs = '1, 2': must be one channel, or three",
+        ),
+        (
+            {"inputs": "1, x", "scales": "1"},
+            "audio.inputs = '1, x': must be different whole numbers",
+        ),
         ({}, "audio.scales = '': must be the acceleration at full scale"),
         ({"scales": "1, 2"}, "audio.scales"),
     ],
@@ -220,7 +226,9 @@ def test_a_card_whose_server_is_gone_holds_nothing_up(monkeypatch: pytest.Monkey
 
 def test_no_arm_without_accelerometers_is_refused() -> None:
     own, options = build_parameters("slave_device", {"device": "none"})
-    with pytest.raises(ParameterError, match="device = none: must come with accelerometers"):
+    with pytest.raises(
+        ParameterError, match="device = none: must come with accelerometers:=audio"
+    ):
         build_device("slave_device", own, options)
 
 

@@ -64,7 +64,9 @@ def test_a_running_device_does_not_wait_for_a_scene_to_be_examined(
     (tmp_path / "new.yaml").write_text(scene)
     device = pressed()
     before = device.contact_force
-    with pytest.raises(ParameterError, match=r"new\.yaml:1: .*: takes longer than a running"):
+    with pytest.raises(
+        ParameterError, match=r"new\.yaml:1: .*: takes longer than a running graph"
+    ):
         device.change(VirtualSlaveParameters(scene=str(tmp_path / "new.yaml")))
     assert device.contact_force == before
 

@@ -150,5 +150,7 @@ def test_a_wrong_file_is_refused(path: Path, old: str, new: str, words: str) -> 
 
 def test_without_mujoco_it_is_asked_for(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(ParameterError, match=r"pip install 'haptic_accel\[mujoco\]'"):
+    with pytest.raises(
+        ParameterError, match=r"needs MuJoCo: pip install 'haptic_accel\[mujoco\]'"
+    ):
         read_scene(path)

@@ -223,7 +223,9 @@ def test_a_recording_full_of_glitches_is_refused(tmp_path: Path) -> None:
     samples = tone(30.0, 1000.0)
     samples[20::70] = 1e5
     path = write_csv(tmp_path / "a.csv", {"accel": samples})
-    assert f"{path}: accel: 43 of 3000 samples are" in refusal(path, 1000.0, 1000.0, "accel")
+    assert f"{path}: accel: 43 of 3000 samples are outliers: must be at most 1 %" in refusal(
+        path, 1000.0, 1000.0, "accel"
+    )
 
 
 # Times, units and decimal signs

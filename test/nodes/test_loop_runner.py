@@ -130,7 +130,9 @@ def test_late_forces_are_named_where_the_ticks_are_in_time(
     forces.age.add(2.2e-3)
     process.slave.rate_keeper.work.add(100e-6)
     process.slave.report()
-    said = r"1000 Hz is not held: 50 of 1000 forces \(arm force\) are late; .*; rate:=500 would"
+    said = (
+        r"1000 Hz is not held: 50 of 1000 forces \(arm force\) are late; .*; rate:=500 would hold"
+    )
     assert re.search(said, capfd.readouterr().err)
 
 

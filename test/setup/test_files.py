@@ -106,7 +106,11 @@ DELAY, CARD = ("compensator", "inverse"), ("master_device", "audio")
         (*DELAY, "{granted_delay: -1}", "granted_delay = -1: must be a whole number of samples"),
         (*DELAY, "{granted_delay: 2, granted_time: 0.002}", "granted_delay = 2: must be left out"),
         (*CARD, "{channel: 0}", "channel = 0: must be a whole number from 1; or give audio.chan"),
-        (*CARD, "{channel: '3'}", "channel = 3: must be a whole number from 1; or give audio."),
+        (
+            *CARD,
+            "{channel: '3'}",
+            "channel = 3: must be a whole number from 1; or give audio.chan",
+        ),
         (*CARD, "{channel: 3, channels: '4'}", "channel = 3: must be left out"),
     ],
 )

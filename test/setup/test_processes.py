@@ -80,7 +80,10 @@ def test_beside_a_peer_each_host_has_its_arm_a_half_of_the_coupling_and_a_link(
     [
         ("slave:=none", "device = none: must come with accelerometers:=audio"),
         ("accelerometers:=audio", "audio.scales = '': must be the acceleration at full scale"),
-        ("accelerometers:=audio composed:=false params_file:=scales.yaml", "composed = false: mu"),
+        (
+            "accelerometers:=audio composed:=false params_file:=scales.yaml",
+            "composed = false: must be true with accelerometers:=audio",
+        ),
         ("side:=slave", "side = 'slave': must come with peer:=HOST"),
         ("peer:=desk", "peer = 'desk': must come with side:=master or slave"),
         ("side:=both peer:=desk", "side = 'both': must be one of master, slave"),
@@ -93,10 +96,16 @@ def test_beside_a_peer_each_host_has_its_arm_a_half_of_the_coupling_and_a_link(
         ("side:=slave peer:=localhost transport:=zenoh", "keys = '': must be the folder"),
         ("side:=slave peer:=desk transport:=dds", "transport = 'dds': must be one of udp, zenoh"),
         ("side:=slave peer:=a keys:=b insecure:=true", "insecure = True: must not come with keys"),
-        ("side:=slave peer:=a transport:=zenoh insecure:=true", "insecure = True: must not come"),
+        (
+            "side:=slave peer:=a transport:=zenoh insecure:=true",
+            "insecure = True: must not come with transport:=zenoh",
+        ),
         ("side:=slave peer:=localhost slave:=replay", "slave = 'replay': not with side:=slave"),
         ("side:=master peer:=localhost slave:=topics", "slave = 'topics': not with side:=master"),
-        ("side:=master peer:=localhost slave:=serial", "slave = 'serial': belongs to the peer"),
+        (
+            "side:=master peer:=localhost slave:=serial",
+            "slave = 'serial': belongs to the peer, not to side:=master",
+        ),
     ],
 )
 def test_what_two_hosts_or_a_sound_card_cannot_have_is_refused(
@@ -243,14 +252,25 @@ def test_what_is_no_namespace_is_refused(namespace: str) -> None:
 @pytest.mark.parametrize(
     ("node", "given", "arguments", "line"),
     [
-        ("compensator", "rate: 500", {}, "of compensator = 500: not used, as the argument rate:="),
+        (
+            "compensator",
+            "rate: 500",
+            {},
+            "rate of compensator = 500: not used, as the argument rate:= replaces it",
+        ),
         (
             *("/**", "latency: 4", {}),
-            "latency of master_device, slave_device, coupler, compensator = 4: not used, as",
+            "latency of master_device, slave_device, coupler, compensator = 4: not used, as the"
+            " argument latency:= replaces it",
         ),
         ("slave_device", "device: can", {}, "as the argument slave:= replaces it"),
         ("scope", "port: 9000", {"scope": True}, "as the argument scope_port:= replaces it"),
-        ("master_device", "simulated.grip.posture: hook", {"grip": "pinch"}, "grip:= replaces it"),
+        (
+            "master_device",
+            "simulated.grip.posture: hook",
+            {"grip": "pinch"},
+            "as the argument grip:= replaces it",
+        ),
     ],
 )
 def test_a_value_of_a_file_that_an_argument_replaces_is_stated(
@@ -317,7 +337,9 @@ def test_an_identification_keeps_its_own_latency(tmp_path: Path, rig_file: Path)
 
 def test_a_wrong_value_for_an_argument_names_the_file(mine: Path) -> None:
     mine.write_text("master_device: {ros__parameters: {device: seriel}}")
-    with pytest.raises(ParameterError, match=f"^{mine}: device of master_device = 'seriel': must"):
+    with pytest.raises(
+        ParameterError, match=f"^{mine}: device of master_device = 'seriel': must be one"
+    ):
         parse_arguments([f"params_file:={mine}"])
 
 

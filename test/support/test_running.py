@@ -126,7 +126,9 @@ def test_that_is_stopped():
 def test_a_failure_beside_a_stall_is_run_again_and_listed_with_its_reason(tmp_path: Path) -> None:
     done = suite(tmp_path, content=STOPPED)
     assert done.returncode == 0, done.stdout
-    line = r"test_that_is_stopped: running.MachineStoodStillError: for \S+ s, beside: no sample"
+    line = (
+        r"test_that_is_stopped: running.MachineStoodStillError: for \S+ s, beside: no sample came"
+    )
     assert re.search(f"{line}$", done.stdout, re.MULTILINE), done.stdout
 
 

@@ -376,11 +376,12 @@ def test_another_grip_changes_nothing_at_once() -> None:
         (lambda: BodyParameters(sensor_axis="w"), "sensor_axis = 'w': must be one of x, y, z"),
         (
             lambda: BodyParameters(sensor_rotation=10.0),
-            "sensor_rotation = 10.0: must be from -3.1",
+            "sensor_rotation = 10.0: must be from -3.14159 to 3.14159 rad",
         ),
         (
             lambda: ThreeAxisRig(replace(STILL, handle=replace(TABLE_I, m_h=0.03)), RATE),
-            "m_h = 0.03: must be above 0.036 kg, the mass of two coils",
+            "m_h = 0.03: must be above 0.036 kg, the mass of two coils, which move with the"
+            " handle",
         ),
     ],
 )

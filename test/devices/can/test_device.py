@@ -77,7 +77,11 @@ WRONG: dict[str, tuple[dict[str, Any], type[Exception], str]] = {
     "unknown": ({"interface": "tin"}, ParameterError, "can.interface = 'tin': must be one of"),
     "no channel": ({"interface": "slcan"}, ParameterError, "can.channel = ''"),
     "missing channel": (bus("slcan", "/dev/none"), DeviceError, "can: slcan /dev/none: there is"),
-    "no adapter": (bus("slcan", "/dev/null"), DeviceError, "can: slcan /dev/null: Could not con"),
+    "no adapter": (
+        bus("slcan", "/dev/null"),
+        DeviceError,
+        "can: slcan /dev/null: Could not configure port",
+    ),
     "no driver": (bus("vector", "0"), DeviceError, "its driver is missing"),
     # Without CAN in the kernel the driver is what is missing, with it the channel.
     "no interface": (bus("socketcan", "can77"), DeviceError, "socketcan can77: (its dr|there is)"),

@@ -24,7 +24,10 @@ from haptic_accel.devices.can.parameters import CanParameters
         ({"options": "[1]"}, "options = '[1]': must be a JSON object"),
         ({"options": "{"}, "options = '{': must be a JSON object"),
         ({"kinematics": "delta"}, "kinematics = 'delta': must be one of stage, planar, arm"),
-        ({"bitrate": 2_000_000}, "bitrate = 2000000: must be a whole number, from 0 to 1e+06"),
+        (
+            {"bitrate": 2_000_000},
+            "bitrate = 2000000: must be a whole number, from 0 to 1e+06 bit/s",
+        ),
     ],
 )
 def test_a_wrong_value_is_refused_in_one_line(values: dict[str, Any], what: str) -> None:

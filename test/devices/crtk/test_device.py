@@ -120,7 +120,10 @@ def test_a_pose_of_another_time_or_of_no_place_is_no_sample(pose: dict[str, floa
     arm.open()
     far = "stamps differ from now by more than 0.1 s"
     others = ({"stamp": time.time()}, {"lag": 1.0}, {"lag": -1.0}, {"stamp": 1e-9})
-    for wrong, reason in (*((each, far) for each in others), ({"x": math.nan}, "not finite")):
+    for wrong, reason in (
+        *((each, far) for each in others),
+        ({"x": math.nan}, "values are not finite"),
+    ):
         wait_until(lambda: arm.read(0.0) is not None, "a sample")
         refused = arm.counters()["poses refused"]
         pose.update(wrong)

@@ -170,7 +170,10 @@ def changed(*names: str, **others: Sequence[Rest]) -> Mapping[str, Sequence[Rest
         ),
         (held(UPRIGHT, factors=np.array([1.0, 1.0, 1.4])), "gain of axis z: 1.40 of the nominal"),
         (changed(z_axis_up=EXACT["z axis down"]), "must be|degrees off|too alike"),
-        (changed(z_axis_up=EXACT["z axis down"], z_axis_down=EXACT["z axis up"]), ".* inverted"),
+        (
+            changed(z_axis_up=EXACT["z axis down"], z_axis_down=EXACT["z axis up"]),
+            "degrees off the other poses .* inverted",
+        ),
     ],
 )
 def test_poses_without_a_calibration_are_refused(

@@ -106,7 +106,10 @@ def test_parameters_that_cannot_be_are_named(values: dict[str, Any], named: str)
     [
         ({"axes": "z y"}, "axes = z, y: must be some of x, y, z"),
         ({"coil_mounting": "1 0 0"}, "serial.coil_mounting = '1 0 0': must be 9 finite numbers"),
-        ({"coil_mounting": "1 0 0, 1 0 0, 0 0 1"}, "serial.coil_mounting: axes that are not ort"),
+        (
+            {"coil_mounting": "1 0 0, 1 0 0, 0 0 1"},
+            "serial.coil_mounting: axes that are not orthogonal enough",
+        ),
         ({"calibration__mounting": "a"}, "serial.calibration.mounting = 'a': must be 9 finite"),
         ({"calibration__gains": "1 nan 1"}, "serial.calibration.gains = '1 nan 1': must be 3"),
         ({"calibration__offsets": "1"}, "serial.calibration.offsets = '1': must be 3 finite"),

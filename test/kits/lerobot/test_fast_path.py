@@ -296,7 +296,10 @@ def test_wrong_arguments_are_refused_in_one_line(text: str, refused: str) -> Non
 @pytest.mark.parametrize(
     ("fps", "rate", "refused"),
     [
-        *((fps, RATE, f"fps = {fps}: must divide the fast path's") for fps in (0, 7, 50, 961)),
+        *(
+            (fps, RATE, f"fps = {fps}: must divide the fast path's rate")
+            for fps in (0, 7, 50, 961)
+        ),
         (1, 8192.0, "whole numbers up to 4096"),
     ],
 )
@@ -307,7 +310,10 @@ def test_a_frame_without_whole_samples_or_with_too_many_is_refused(
         fast_path.samples_per_frame(rate, fps)
 
 
-CANNOT_START = {"actuator:=audio": "", "master:=none": "device = none: must come with accelerom"}
+CANNOT_START = {
+    "actuator:=audio": "",
+    "master:=none": "device = none: must come with accelerometers:=audio",
+}
 
 
 @pytest.mark.parametrize("text", CANNOT_START)

@@ -117,11 +117,15 @@ def test_a_network_is_a_delay_with_jitter_and_loss(
         ("{network: [0, '5,200%']}", "{}", "loss = 2.0: must be from 0 to 1"),
         ("{latency: [0, 1000]}", "{}", "factors.latency = 1000: must be a whole number, from 0"),
         ("{gain: [0, 1]}", "{rig: papre}", "graph.rig = 'papre': must be one of ideal, paper,"),
-        ("{gain: [0, 1]}", "{master: absent}", "graph.master = 'absent': must be one of"),
+        (
+            "{gain: [0, 1]}",
+            "{master: absent}",
+            "graph.master = 'absent': must be one of simulated",
+        ),
         (
             "{surface: [text, vinyl]}",
             "{slave: can}",
-            "factors.surface = text: must come with",
+            "factors.surface = text: must come with slave:= one of simulated, virtual, not can",
         ),
     ],
 )

@@ -194,7 +194,9 @@ def test_a_consent_text_has_what_ethics_boards_ask_for(name: str) -> None:
     assert stated
     assert int(stated[1]) >= expected_minutes(found) + breaks
     assert f"reached {found.limits.exposure:g} m/s²" in " ".join(text.split())
-    with pytest.raises(ParameterError, match=r"consent.text: must have its \d blanks") as told:
+    with pytest.raises(
+        ParameterError, match=r"consent.text: must have its \d blanks filled"
+    ) as told:
         check_blanks(found)
     assert str(told.value).startswith(f"{found.source}:")
     assert "; investigator, address and telephone; " in str(told.value)
@@ -208,5 +210,7 @@ def test_a_text_whose_blanks_are_filled_in_passes(tmp_path: Path) -> None:
     check_blanks(read_protocol(path))
     for part in ("[[blank]]", "[[ Blank: half"):
         path.write_text(filled.replace("No answer is wrong.", part), encoding="utf-8")
-        with pytest.raises(ParameterError, match=r"study.yaml:\d+: instructions: must have its"):
+        with pytest.raises(
+            ParameterError, match=r"study.yaml:\d+: instructions: must have its 1 b"
+        ):
             check_blanks(read_protocol(path))

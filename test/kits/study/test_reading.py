@@ -147,38 +147,89 @@ def test_conditions_are_found_by_some_of_their_words() -> None:
         ({"factors": {"colour": ["red"]}}, "factors.colour: unknown"),
         ({"factors": {"controller": ["none"]}}, "factors: must give 2 to 100 conditions, not 1"),
         ({"factors": MANY}, "factors: must give 2 to 100 conditions, not 110"),
-        ({"factors": {"gain": [1, 1.0]}}, "factors.gain = [1, 1.0]: must be different values"),
-        ({"factors": {"surface": ["my wood"]}}, "factors.surface.0 = 'my wood': must be a word"),
+        (
+            {"factors": {"gain": [1, 1.0]}},
+            "factors.gain = [1, 1.0]: must be different values, at least one",
+        ),
+        (
+            {"factors": {"surface": ["my wood.yaml"]}},
+            "factors.surface.0 = 'my wood.yaml': must be a word without spaces, or a number",
+        ),
         ({"conditions": ["gain=1"]}, "conditions.0 = 'gain=1': must be one of controller=none"),
-        ({"pairs": [SAME]}, "pairs.0.reference = 'gain=1': must be one of controller=none"),
-        ({"factors": GAINS, "pairs": [SAME]}, "pairs.0.comparison = 'gain=1': must differ from"),
-        ({"levels": LEVELS | {"values": [0.5, 2.0]}}, "levels.values = [0.5, 2.0]: must be all"),
+        (
+            {"pairs": [SAME]},
+            "pairs.0.reference = 'gain=1': must be one of controller=none surface=ply",
+        ),
+        (
+            {"factors": GAINS, "pairs": [SAME]},
+            "pairs.0.comparison = 'gain=1': must differ from the reference",
+        ),
+        (
+            {"levels": LEVELS | {"values": [0.5, 2.0]}},
+            "levels.values = [0.5, 2.0]: must be all above or all below the reference, 1",
+        ),
         ({"levels": LEVELS | {"factor": "hue"}}, "levels.factor = 'hue': must be one of contro"),
         ({"factors": GAINS, "levels": LEVELS}, "factors.gain: must be in levels alone"),
-        ({"levels": LEVELS, "pairs": []}, "pairs = []: must be different pairs, at least one, or"),
+        (
+            {"levels": LEVELS, "pairs": []},
+            "pairs = []: must be different pairs, at least one, or levels",
+        ),
         ({"procedure": STAIRCASE}, "procedure.kind = 'staircase': needs levels"),
-        ({**CHOSEN, **PREFER}, "procedure.kind = 'quest_plus': must be constant for task"),
+        (
+            {**CHOSEN, **PREFER},
+            "procedure.kind = 'quest_plus': must be constant for task 'preference'",
+        ),
         ({"procedure": {"down": 3}}, "procedure.down: unknown: must be one of kind, repeats"),
-        ({"levels": LEVELS, "procedure": STEPLESS}, "procedure.step = 1: must be above 1 as a fa"),
-        ({**CHOSEN, "order": WILLIAMS}, "order.kind = 'williams': must be random, as answers ch"),
-        ({"levels": LATENCIES, "procedure": STAIRCASE}, "levels.factor = 'latency': must not be"),
-        ({"order": blocked("grip")}, "order.block_by = 'grip': must be one of controller, surf"),
-        ({"order": blocked("surface")}, "order.block_by = 'surface': must be the same within"),
+        (
+            {"levels": LEVELS, "procedure": STEPLESS},
+            "procedure.step = 1: must be above 1 as a factor",
+        ),
+        (
+            {**CHOSEN, "order": WILLIAMS},
+            "order.kind = 'williams': must be random, as answers choose the levels",
+        ),
+        (
+            {"levels": LATENCIES, "procedure": STAIRCASE},
+            "levels.factor = 'latency': must not be whole numbers for a staircase",
+        ),
+        (
+            {"order": blocked("grip")},
+            "order.block_by = 'grip': must be one of controller, surface",
+        ),
+        (
+            {"order": blocked("surface")},
+            "order.block_by = 'surface': must be the same within each pair",
+        ),
         ({"order": {"block_by": "grip"}}, "order.block_by = 'grip': must be given if the order"),
         (
             {"task": "rating", "order": WILLIAMS, "rules": {"participants": 10}},
             "rules.participants = 10: must be a multiple of 4, the rows of a Williams square",
         ),
-        ({"task": "rating", "scale": [0, 10, 20]}, "scale = [0, 10, 20]: must be lowest rating,"),
+        (
+            {"task": "rating", "scale": [0, 10, 20]},
+            "scale = [0, 10, 20]: must be lowest rating, highest rating and step, which give",
+        ),
         ({"task": "rating", "scale": [0, 9, 0.001]}, "scale = [0, 9, 0.001]: must be lowest rat"),
         ({"task": "rating", "extras": {"catch_every": 9}}, "extras.catch_every = 9: must be 0 wi"),
         ({"strengths": {"gain=1": 0.0}}, "strengths.gain=1: unknown"),
         ({"tests": [{}]}, "tests.0.name = nothing: must be given"),
-        ({"tests": [TEST | {"measure": "rating"}]}, "tests.0.measure = 'rating': must be one of"),
+        (
+            {"tests": [TEST | {"measure": "rating"}]},
+            "tests.0.measure = 'rating': must be one of correct, d_prime",
+        ),
         ({"tests": [TEST | {"condition": "gain=9"}]}, "tests.0.condition = 'gain=9': must be wor"),
-        ({"tests": [TEST | {"against": "nothing"}]}, "tests.0.against = 'nothing': must be words"),
-        ({**PREFER, "tests": [PREFERRED]}, "tests.0.condition = nothing: must be given for pre"),
-        ({"tests": [TEST | {"alternative": "equivalent"}]}, "tests.0.margin = 0: must be above 0"),
+        (
+            {"tests": [TEST | {"against": "nothing"}]},
+            "tests.0.against = 'nothing': must be words of controller=none",
+        ),
+        (
+            {**PREFER, "tests": [PREFERRED]},
+            "tests.0.condition = nothing: must be given for preferred",
+        ),
+        (
+            {"tests": [TEST | {"alternative": "equivalent"}]},
+            "tests.0.margin = 0: must be above 0 for equivalent",
+        ),
     ],
 )
 def test_what_is_wrong_is_named(changes: dict[str, Any], message: str, tmp_path: Path) -> None:
