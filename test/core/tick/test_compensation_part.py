@@ -134,3 +134,16 @@ def test_what_waits_can_be_forgotten(part: CompensationPart) -> None:
         assert stamps(part, tick * PERIOD + LATE) == [tick * PERIOD]
         part.clear()
     assert part.lost == 0
+
+
+@pytest.mark.parametrize(("gap", "bridged"), [(1, 0), (2, 1), (3, 2), (21, 20), (22, 0)], ids=str)
+def test_each_sample_of_a_gap_that_is_not_too_long_is_predicted(gap: int, bridged: int) -> None:
+    passing = Passing()
+    part = CompensationPart(passing, RATE, latency=1)
+    for tick in (1, 1 + gap, 2 + gap):
+        part.put_tool(ArmSample(tick * PERIOD, acceleration=(1.0, 2.0, 3.0)))
+        forces(part, tick * PERIOD + LATE)
+    assert (part.lost, part.bridged) == (gap - 1, bridged)
+    assert len(passing.given) == 3 + bridged
+    # Each axis is predicted from its own past, in its own direction.
+    assert all(x < y < z for x, y, z in passing.given)

@@ -124,12 +124,15 @@ def test_work_is_force_times_displacement(rig: Rig) -> None:
 
 def test_an_arm_that_is_freed_misses_no_command(rig: Rig) -> None:
     master = side(rig, 1)
-    serve(master, 0, (0.0, 0.0, 1.0))
-    serve(master, 1, None)
+    first = 10 * round(MAX_AGE * RATE)
+    serve(master, first, (0.0, 0.0, 1.0))
+    serve(master, first + 1, None)
+    assert master.forces[ARM].stamp == first * NANOSECONDS // RATE
     master.free()
-    for tick in range(2, 100):
+    for tick in range(first + 2, first + 100):
         serve(master, tick, None)
     assert rig.arm == [(0.0, 0.0, 1.0), ZERO]
+    assert master.forces[ARM].stamp == (first + 1) * NANOSECONDS // RATE
     assert master.safety.warnings() == []
     assert master.deadlines == (2, 0)
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.model import Vector
 from haptic_accel.core.tick import DueForces
-from haptic_accel.core.tick.device_side import IN_TIME
+from haptic_accel.core.tick.device_side import FLOWING, IN_TIME
 
 PERIOD = 1e-3
 """Period of the grid, s."""
@@ -169,3 +169,17 @@ def test_a_force_taken_ahead_is_missed_only_if_given_to_the_device_late(
     assert pop(forces, 12, ahead=True) == 10
     forces.took_effect(now)
     assert forces.missed == missed
+
+
+@pytest.mark.parametrize("latency", [0, 1, 3])
+@pytest.mark.parametrize("ahead", [False, True])
+def test_a_command_is_missing_while_others_came_a_short_time_ago(
+    latency: int, ahead: bool
+) -> None:
+    forces = DueForces(latency, PERIOD, ahead)
+    assert not forces.is_missing(10), "none ever came"
+    put(forces, 10)
+    # The command for tick t is that of the sample so many ticks before; none is ahead of its tick.
+    needed = 10 + (0 if ahead else latency)
+    missing = [tick for tick in range(needed - 5, needed + 20) if forces.is_missing(tick)]
+    assert missing == [needed + since for since in range(1, FLOWING + 1)]

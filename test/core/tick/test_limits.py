@@ -338,6 +338,44 @@ def test_a_force_that_two_nodes_command_is_refused_until_one_does() -> None:
     assert all(bench.run([1.0] * 5))
 
 
+@pytest.mark.parametrize("recovery", [safety.AUTOMATIC, safety.MANUAL])
+def test_each_lasting_fault_is_logged_once_at_its_start_and_at_its_end(recovery: str) -> None:
+    bench = Bench(recovery=recovery)
+    for _ in range(2):
+        bench.push(1.0)
+        bench.wait(2 * safety.ACTUATOR_TIMEOUT)
+        bench.tick()
+        # A fault that ends by itself is told only where it lasts.
+        bench.wait(0.9 * limits.LOGGED_AFTER)
+        assert bool(bench.layer.news(bench.now)) == (recovery == safety.MANUAL)
+        bench.wait(0.2 * limits.LOGGED_AFTER)
+        assert bool(bench.layer.news(bench.now)) == (recovery != safety.MANUAL)
+        assert bench.layer.news(bench.now) == []
+        if recovery == safety.MANUAL:
+            bench.layer.arm()
+        bench.push(1.0)
+        assert bench.layer.news(bench.now) == ["actuator force: allowed again"]
+        assert bench.layer.news(bench.now) == []
+
+
+def test_a_force_that_two_nodes_command_has_no_other_news() -> None:
+    bench = Bench()
+    bench.push(1.0)
+    bench.layer.note_rivals("actuator force", "/a and /b")
+    bench.layer.news(bench.now)
+    bench.wait(2 * safety.ACTUATOR_TIMEOUT)
+    bench.tick()
+    bench.wait(2 * limits.LOGGED_AFTER)
+    assert bench.layer.news(bench.now) == [
+        "actuator force: no force while it is sent by /a and /b"
+    ]
+    assert bench.layer.diagnostics()["forces allowed"] == "false"
+    bench.layer.note_rivals("actuator force", "")
+    assert bench.layer.diagnostics()["forces allowed"] == "true"
+    bench.layer.stop(bench.now, True)
+    assert bench.layer.diagnostics()["forces allowed"] == "false"
+
+
 def test_a_faulty_device_holds_no_force_but_has_a_last_one() -> None:
     bench = Bench()
     bench.command(0.5)

@@ -22,6 +22,7 @@ from haptic_accel.core.tick import (
     ARM,
     MASTER,
     SLAVE,
+    ArmSample,
     CompensationPart,
     CouplingPart,
     DeviceSide,
@@ -78,7 +79,12 @@ class Device:
 class Rig:
     """Both devices in a loop."""
 
-    def __init__(self, latency: int = 1, clock: Clock | None = None) -> None:
+    def __init__(
+        self,
+        latency: int = 1,
+        clock: Clock | None = None,
+        part: type[CouplingPart] = CouplingPart,
+    ) -> None:
         self.master, self.slave = Device(), Device(TRAVEL)
         self.failed: list[tuple[str, type[Exception]]] = []
         limits = MasterSafetyParameters(hardware=ActuatorParameters())
@@ -93,7 +99,7 @@ class Rig:
             CouplingParameters(k_m=K_M, k_sl=K_SL, scale=1.0, damping=0.0)
         )
         compensation = Compensation(CompensationParameters(controller="constant"), RATE)
-        self.part = CouplingPart(coupling, engagement, RATE, longest=10)
+        self.part = part(coupling, engagement, RATE, longest=10)
         self.compensation = CompensationPart(compensation, RATE, latency, longest=10)
         self.loop = HostLoop(
             sides, self.part, self.compensation, failures=(BrokenError,), failed=self._fail
@@ -238,3 +244,27 @@ def test_without_the_handles_acceleration_forces_are_in_time_all_the_same() -> N
     rig.steps(range(5, 20))
     assert [tick for tick, _ in rig.master.actuator] == list(range(1, 20))
     assert rig.compensation.without == 15
+
+
+class PlayingPart(CouplingPart):
+    """A coupling that plays what another host's tool measured: the number of the tick."""
+
+    def begin(self, now: float, stamp: int) -> ArmSample:
+        return ArmSample(stamp, acceleration=along_actuator(now * RATE))
+
+
+def test_what_another_hosts_tool_measured_is_reproduced_at_its_tick() -> None:
+    rig = Rig(part=PlayingPart)
+    rig.part.passes_tools = False
+    loop = HostLoop({MASTER: rig.loop.sides[MASTER]}, rig.part, rig.compensation)
+    for tick, is_first in ((3, True), (4, False), (5, True)):
+        loop.step(tick, is_first)
+        ticks = [3, 4] if tick == 4 else [tick]
+        assert [each.stamp for each in loop.tools] == [each * 1_000_000 for each in ticks]
+        assert [each.a_z for each in loop.tools] == pytest.approx(ticks)
+        assert [each.stamp for each in loop.compensated] == [each * 1_000_000 for each in ticks]
+        assert [each.tick for each in loop.samples] == ticks
+    assert [tick for tick, _ in rig.master.actuator] == [4, 5]
+    loop.mute({"slave/tool/acceleration"})
+    loop.step(6)
+    assert (len(loop.tools), loop.compensated, loop.contested) == (1, [], 1)
