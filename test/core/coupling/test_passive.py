@@ -22,8 +22,6 @@ from haptic_accel.core.network.channel import Channel, ChannelParameters
 from two_sides import UNLIMITED, Instant, Packet, Side, run
 
 RATE = 1000.0
-positions = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
-velocities = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
 RICH = passive.PassiveParameters(energy=1.0)  # the account of which limits nothing
 POOR = passive.PassiveParameters()
 

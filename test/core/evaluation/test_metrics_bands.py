@@ -63,10 +63,5 @@ def test_bands_lie_side_by_side_up_to_half_the_rate(rate: float) -> None:
 
 
 def test_the_bands_of_the_papers_rate_have_names() -> None:
-    assert [band.name for band in bands(1000.0)] == [
-        "15-30 Hz",
-        "30-60 Hz",
-        "60-125 Hz",
-        "125-250 Hz",
-        "250-500 Hz",
-    ]
+    named = ", ".join(band.name for band in bands(1000.0))
+    assert named == "15-30 Hz, 30-60 Hz, 60-125 Hz, 125-250 Hz, 250-500 Hz"

@@ -204,16 +204,6 @@ def test_another_mount_changes_the_ringing_and_nothing_jumps(
     assert np.argmax(np.abs(np.fft.rfft(rung))) * RATE / len(rung) == pytest.approx(200.0, abs=4.0)
 
 
-def test_a_force_pushes_handle_and_actuator_apart(ideal_master: MasterRigParameters) -> None:
-    rig = MasterRig(ideal_master, RATE)
-    rig.apply_actuator_force(along_actuator(0.1))
-    rig.advance(1e-4)
-    # Soon after, masses alone decide: v = F t / m each.
-    assert rig.measure().velocity[2] == pytest.approx(0.1 * 1e-4 / 0.128, rel=0.02)
-    assert rig.measure().acceleration[ACTUATOR_AXIS] > 0
-    assert rig.travel < 0
-
-
 def test_a_constant_force_is_held_by_the_centring_spring(
     ideal_master: MasterRigParameters,
 ) -> None:
@@ -258,11 +248,12 @@ def test_how_often_it_is_looked_at_does_not_matter(parts: list[float]) -> None:
 
 
 @few
-@given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
-def test_energy_never_grows_without_input(
-    handle_velocity: float, actuator_velocity: float
+@given(st.floats(-2.0, 2.0), st.floats(-0.5, 0.5) | st.floats(2.0, 5.0) | st.floats(-5.0, -2.0))
+def test_energy_never_grows_without_input_nor_in_the_travel_stops(
+    handle_velocity: float, relative_velocity: float
 ) -> None:
     rig = MasterRig(STILL, RATE)
+    actuator_velocity = handle_velocity + relative_velocity
     rig.disturb(handle_velocity, actuator_velocity)
     energies = [rig.energy(), *run(rig, 1, 500)]
     given_energy = (0.128 * handle_velocity**2 + 0.018 * actuator_velocity**2) / 2
@@ -270,18 +261,7 @@ def test_energy_never_grows_without_input(
     assert (np.diff(energies) <= 1e-15).all()
     # Slowest mode: 17 /s, twice for energy.
     assert energies[-1] <= 1e-4 * energies[0]
-
-
-@few
-@given(st.floats(-2.0, 2.0), st.floats(2.0, 5.0), st.sampled_from([-1, 1]))
-def test_energy_never_grows_in_the_travel_stops_either(
-    handle_velocity: float, relative_velocity: float, side: int
-) -> None:
-    rig = MasterRig(STILL, RATE)
-    rig.disturb(handle_velocity, handle_velocity + side * relative_velocity)
-    energies = [rig.energy(), *run(rig, 1, 300)]
-    assert rig.counters()["travel_stops_hit"] > 0
-    assert (np.diff(energies) <= 0).all()
+    assert rig.counters()["travel_stops_hit"] > 0 or abs(relative_velocity) < 2.0
 
 
 def test_undamped_stops_give_back_what_they_took() -> None:
@@ -490,15 +470,6 @@ def test_the_accelerometer_saturates_and_counts(ideal_master: MasterRigParameter
     rig.advance(PERIOD)
     assert rig.measure().acceleration[ACTUATOR_AXIS] == 1.0
     assert rig.counters()["accelerometer_saturated"] == 1
-
-
-def test_the_seed_decides_about_the_noise() -> None:
-    one, same, other = (MasterRig(STILL, RATE, seed) for seed in (1, 1, 2))
-    for rig in (one, same, other):
-        rig.disturb()
-    first = [one.measure().acceleration[ACTUATOR_AXIS] for _ in range(10)]
-    assert first == [same.measure().acceleration[ACTUATOR_AXIS] for _ in range(10)]
-    assert first != [other.measure().acceleration[ACTUATOR_AXIS] for _ in range(10)]
 
 
 # What a real rig has besides

@@ -16,7 +16,6 @@ from scipy import signal
 
 from haptic_accel.core import model
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.control.channel import build_controller
 from haptic_accel.core.control.compensation import LARGEST_ACCELERATION
 from haptic_accel.core.control.controllers import CONTROLLERS, Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
@@ -137,12 +136,6 @@ def test_samples_give_what_the_filters_response_says(rate: float) -> None:
     high_passed_gain = signal.freqz_sos(high_pass(15.0, rate), [frequency], fs=rate)[1]
     expected = inverse.response([frequency]) * high_passed_gain
     assert gain == pytest.approx(complex(expected[0]), rel=1e-3)
-
-
-def test_the_measured_acceleration_is_not_used() -> None:
-    one, other = (build_controller("inverse", Loop(RATE)) for _ in range(2))
-    for index in range(300):
-        assert one.force(math.sin(index), 0.0) == other.force(math.sin(index), math.nan)
 
 
 def test_reset_forgets_the_past() -> None:

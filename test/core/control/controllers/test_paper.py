@@ -97,9 +97,10 @@ def test_a_sine_takes_the_gain_and_phase_of_the_papers_model(frequency: float) -
     assert gain == pytest.approx(1 / model, rel=5e-3)
 
 
-def test_the_measured_acceleration_is_not_used() -> None:
-    one, other = build_controller("dynamic", Loop(RATE)), build_controller("dynamic", Loop(RATE))
-    for index in range(100):
+@pytest.mark.parametrize("name", ["dynamic", "inverse"])
+def test_the_measured_acceleration_is_not_used(name: str) -> None:
+    one, other = (build_controller(name, Loop(RATE)) for _ in range(2))
+    for index in range(300):
         assert one.force(math.sin(index), 0.0) == other.force(math.sin(index), math.nan)
 
 

@@ -41,7 +41,6 @@ RATE = 1000.0
 RATES = [1000.0, 4000.0]
 LIMIT = CUSHION * ActuatorParameters.travel
 SUSPENSION = Suspension()
-MEMBERS = 4
 
 
 def steps(forces: list[float]) -> InverseBank:
