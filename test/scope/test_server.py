@@ -36,6 +36,15 @@ from running import PATIENCE, wait_until
 
 START = 1_800_000_000 * NANOSECONDS
 TOKEN = "a-token_of.a~test"
+OURS = ("Host: {host}", "Origin: http://{host}", f"Authorization: Bearer {TOKEN}")
+LIVE = (
+    *OURS,
+    "Connection: Upgrade",
+    "Upgrade: websocket",
+    "Sec-WebSocket-Version: 13",
+    "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==",
+)
+JSON = "Content-Type: application/json"
 
 
 class Source:
@@ -374,7 +383,7 @@ def test_a_page_that_does_not_read_gets_no_queue_and_holds_nobody_up(
     server, url = started()
     slow = connected(url)
     slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    slow.sendall(live_request(url))
+    slow.sendall(request(url, "GET /live", *LIVE))
     wait_until(lambda: server.clients == 1, "the slow page is there")
     over = threading.Event()
 
@@ -416,89 +425,12 @@ def status(url: URL, sent: bytes) -> int:
         return int(answer.readline().split()[1])
 
 
-def command_of(url: URL, body: bytes, *headers: str, length: object = None) -> bytes:
-    lines = (
-        "POST /command HTTP/1.1",
-        f"Host: {url.authority}",
-        f"Origin: {url.origin()}",
-        f"Content-Length: {len(body) if length is None else length}",
-        *(headers or ("Content-Type: application/json",)),
-    )
-    return "\r\n".join((*lines, "", "")).encode("utf-8", "surrogateescape") + body
-
-
-JSON = "Content-Type: application/json"
-
-
-@pytest.mark.parametrize(
-    ("body", "headers", "length"),
-    [
-        (b"", (JSON,), "ten"),
-        (b"", (JSON,), -1),
-        (b"", (JSON,), 10**30),
-        (b"{", (JSON,), None),
-        (b"\xff\xfe\xfd", (JSON,), None),
-        (b"[" * 4000, (JSON,), None),
-        (b'{"action":"x","value":' + b"[" * 900 + b"]" * 900 + b"}", (JSON,), None),
-        (b"\x1f\x8b\x08 no gzip", (JSON, "Content-Encoding: gzip"), None),
-        (b"{", (f"{JSON}; charset=none",), None),
-        (b"5", (JSON, "a field without a colon"), None),
-        (b"5", (JSON, "Cookie: " + "x" * 10_000), None),
-        (b"[]", (JSON,), None),
-        (b'"estop"', (JSON,), None),
-        (b'{"value": 1}', (JSON,), None),
-        (b'{"action": 3}', (JSON,), None),
-        (b'{"action": "estop", "value": 1}', (JSON,), None),
-        (b'{"action": "' + b"x" * 10_000 + b'"}', (JSON,), None),
-    ],
-)
-def test_a_malformed_request_is_the_clients_fault(
-    started: Started,
-    acting: Acting,
-    caplog: pytest.LogCaptureFixture,
-    body: bytes,
-    headers: tuple[str, ...],
-    length: object,
-) -> None:
-    _, url = started(acting)
-    assert status(url, command_of(url, body, *headers, length=length)) in (400, 413)
-    assert acting.done == []
-    assert caplog.records == []
-
-
-EVIL, TEXT = "http://evil.example", "Content-Type: text/plain"
-
-
-@pytest.mark.parametrize(
-    ("line", "host", "origin", "kind", "expected"),
-    [
-        ("POST /command", "", EVIL, JSON, 403),
-        ("POST /command", "evil.example", EVIL, JSON, 403),
-        ("POST /command", "", None, TEXT, 403),
-        ("POST /command", "", "", TEXT, 415),
-        ("GET /live", "", None, JSON, 403),
-        ("GET /live", "", EVIL, JSON, 403),
-        ("GET /live", "evil.example", None, JSON, 403),
-        ("GET /", "evil.example", "", JSON, 403),
-    ],
-)
-def test_other_pages_can_neither_command_nor_look(
-    started: Started,
-    acting: Acting,
-    line: str,
-    host: str,
-    origin: str | None,
-    kind: str,
-    expected: int,
-) -> None:
-    _, url = started(acting)
-    asked = command_of(url, b'{"action": "estop", "value": false}', kind).decode()
-    asked = asked.replace("POST /command", line)
-    asked = asked.replace(f"Host: {url.authority}", f"Host: {host or url.authority}")
-    if origin != "":
-        asked = asked.replace(f"Origin: {url.origin()}", f"Origin: {origin}" if origin else "A: b")
-    assert status(url, asked.encode()) == expected
-    assert acting.done == []
+def request(url: URL, line: str, *fields: str, body: bytes = b"") -> bytes:
+    """Return a request whose fields may name the {host}; with a body, of its length if untold."""
+    told = any(each.startswith("Content-Length") for each in fields)
+    length = [] if told or not body else [f"Content-Length: {len(body)}"]
+    head = "\r\n".join((f"{line} HTTP/1.1", *fields, *length, "", ""))
+    return head.replace("{host}", url.authority).encode("latin-1") + body
 
 
 def test_who_has_access_and_does_not_finish_a_request_is_disconnected(
@@ -506,9 +438,7 @@ def test_who_has_access_and_does_not_finish_a_request_is_disconnected(
 ) -> None:
     monkeypatch.setattr(served, "REQUEST_TIME", 0.1)
     _, url = started(token=TOKEN)
-    shown = f"Host: {url.authority}\r\nAuthorization: Bearer {TOKEN}"
-    asked = f"GET /scope.js HTTP/1.1\r\n{shown}\r\n\r\n".encode()
-    with connected(url, asked) as opened:
+    with connected(url, request(url, "GET /scope.js", *OURS)) as opened:
         opened.sendall(b"GET / HTTP/1.1\r\nHost: local")
         while opened.recv(2**16):
             pass
@@ -521,7 +451,7 @@ def test_a_command_that_never_ends_is_refused_or_dropped(
     monkeypatch.setattr(served, "REQUEST_TIME", 0.1)
     monkeypatch.setattr(connections, "STRANGER_TIME", 0.1)
     _, url = started(acting, token=token)
-    asked = command_of(url, b'{"action"', JSON, f"Authorization: Bearer {token}", length=100)
+    asked = request(url, "POST /command", *OURS, JSON, "Content-Length: 100", body=b'{"action"')
     with connected(url, asked) as opened:
         assert opened.recv(12) == (b"HTTP/1.1 400" if token else b"")
     assert not acting.done
@@ -529,8 +459,7 @@ def test_a_command_that_never_ends_is_refused_or_dropped(
 
 def test_a_command_in_pieces_arrives(started: Started, acting: Acting) -> None:
     _, url = started(acting)
-    body = b'{"action": "estop", "value": true}'
-    asked = command_of(url, body, length=len(body))
+    asked = request(url, "POST /command", *OURS, JSON, body=b'{"action": "estop", "value": true}')
     with connected(url, asked[:-20]) as opened, opened.makefile("rb") as answer:
         time.sleep(0.05)  # in a packet of its own
         opened.sendall(asked[-20:])
@@ -719,18 +648,8 @@ def test_a_stopped_server_says_goodbye_and_frees_its_port(
 
 # Whatever comes
 
-LIVE = (
-    "GET /live HTTP/1.1",
-    "Host: {host}",
-    "Origin: http://{host}",
-    f"Authorization: Bearer {TOKEN}",
-    "Connection: Upgrade",
-    "Upgrade: websocket",
-    "Sec-WebSocket-Version: 13",
-    "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==",
-)
 FIELDS = (
-    *LIVE[1:],
+    *LIVE,
     f"Cookie: haptic_accel_scope_{{port}}={TOKEN}",
     "Host: evil.example",
     "Host: {host}:99999",
@@ -775,7 +694,7 @@ def requests(draw: st.DrawFn) -> bytes:
         draw(st.sampled_from(part))
         for part in (METHODS, TARGETS, [*["HTTP/1.1"] * 9, "HTTP/1.0", "HTTP/9.9"])
     )
-    fields = draw(st.sampled_from([LIVE[1:4], LIVE[1:4], LIVE[1:3], LIVE[1:], ()]))
+    fields = draw(st.sampled_from([OURS, OURS, OURS[:2], LIVE, ()]))
     more = draw(st.lists(st.sampled_from(FIELDS), max_size=2))
     body = draw(st.sampled_from(BODIES))
     length = draw(
@@ -801,33 +720,74 @@ def controlled(started: Started, acting: Acting) -> Controlled:
     return server, acting, url
 
 
+HOST, ORIGIN, SHOWN = OURS
+OTHER_HOST, OTHER_ORIGIN = "Host: evil.example", "Origin: http://evil.example"
+TEXT = "Content-Type: text/plain"
+RELEASE = b'{"action": "estop", "value": false}'
+
+MALFORMED: list[tuple[str, bytes]] = [
+    *((f"Content-Length: {length}", b"") for length in ("ten", -1, 10**30)),
+    ("A: b", b"{"),
+    ("A: b", b"\xff\xfe\xfd"),
+    ("A: b", b"[" * 4000),
+    ("A: b", b'{"action":"x","value":' + b"[" * 900 + b"]" * 900 + b"}"),
+    ("Content-Encoding: gzip", b"\x1f\x8b\x08 no gzip"),
+    ("a field without a colon", b"5"),
+    ("Cookie: " + "x" * 10_000, b"5"),
+    ("A: b", b"[]"),
+    ("A: b", b'"estop"'),
+    ("A: b", b'{"value": 1}'),
+    ("A: b", b'{"action": 3}'),
+    ("A: b", b'{"action": "estop", "value": 1}'),
+    ("A: b", b'{"action": "' + b"x" * 10_000 + b'"}'),
+]
+"""A field and a body that no command has."""
+
+OTHER_PAGES: list[tuple[str, tuple[str, ...], int]] = [
+    ("POST /command", (HOST, OTHER_ORIGIN, JSON), 403),
+    ("POST /command", (OTHER_HOST, OTHER_ORIGIN, JSON), 403),
+    ("POST /command", (HOST, TEXT), 403),
+    ("POST /command", (HOST, ORIGIN, TEXT), 415),
+    ("GET /live", (HOST,), 403),
+    ("GET /live", (HOST, OTHER_ORIGIN), 403),
+    ("GET /live", (OTHER_HOST,), 403),
+    ("GET /", (OTHER_HOST, ORIGIN), 403),
+]
+"""Requests of other pages, which can neither command nor look, and their answers."""
+
 KEYS = ("MDEyMzQ1Njc4OWFiY2RlZg=\xff", "MDEyMzQ1Njc4OWFiY2R\xe2\x82\xac==")
+NO_TEXTS: list[tuple[str, tuple[str, ...], int]] = [
+    *((f"GET /?token={each}", (SHOWN,), 400) for each in ("%", "%ff", "%zz", "\xff")),
+    ("GET /%zz", (SHOWN,), 400),
+    *(
+        ("GET /", (f"Authorization: Bearer {each}",), 400 if TOKEN in each else 403)
+        for each in ("\xff\xfe", "schl\xc3\xbcssel", "schl\xfcssel", f"\xff{TOKEN}")
+    ),
+    *(("GET /live", (*LIVE[1:-1], f"Sec-WebSocket-Key: {key}"), 400) for key in KEYS),
+]
+"""Requests with bytes that are no text, and their answers."""
 
 
 @pytest.mark.parametrize(
-    ("address", "bearer", "fields"),
+    ("line", "fields", "body", "answers"),
     [
-        *((f"/?token={each}", TOKEN, ()) for each in ("%", "%ff", "%zz", "\xff")),
-        ("/%zz", TOKEN, ()),
-        *(
-            ("/", each, ())
-            for each in ("\xff\xfe", "schl\xc3\xbcssel", "schl\xfcssel", f"\xff{TOKEN}")
-        ),
-        *(("/live", TOKEN, (LIVE[2], *LIVE[4:-1], f"Sec-WebSocket-Key: {key}")) for key in KEYS),
+        *(("POST /command", (*OURS, JSON, each), body, {400, 413}) for each, body in MALFORMED),
+        ("POST /command", (*OURS, f"{JSON}; charset=none"), b"{", {400}),
+        *((line, (*of, SHOWN), RELEASE, {answer}) for line, of, answer in OTHER_PAGES),
+        *((line, (HOST, *of), b"", {answer}) for line, of, answer in NO_TEXTS),
     ],
 )
-def test_what_is_no_text_in_a_request_is_the_clients_fault(
+def test_a_malformed_or_foreign_request_is_the_clients_fault(
     controlled: Controlled,
     caplog: pytest.LogCaptureFixture,
-    address: str,
-    bearer: str,
+    line: str,
     fields: tuple[str, ...],
+    body: bytes,
+    answers: set[int],
 ) -> None:
-    *_, url = controlled
-    shown = "Host: {host}", f"Authorization: Bearer {bearer}", *fields
-    asked = "\r\n".join((f"GET {address} HTTP/1.1", *shown, "", ""))
-    wire = asked.replace("{host}", url.authority).encode("latin-1")
-    assert status(url, wire) == (400 if TOKEN in bearer else 403)
+    _, acting, url = controlled
+    assert status(url, request(url, line, *fields, body=body)) in answers
+    assert acting.done == []
     assert caplog.records == []
 
 
@@ -860,10 +820,6 @@ def test_no_request_is_the_servers_fault_or_gets_past_the_token(
     caplog.clear()
 
 
-def live_request(url: URL) -> bytes:
-    return "\r\n".join((*LIVE, "", "")).replace("{host}", url.authority).encode()
-
-
 def frame(opcode: int, payload: bytes, told: int, masked: bool) -> bytes:
     """Return a WebSocket frame (RFC 6455) that tells any length; the mask is zero."""
     mask = 0x80 * masked
@@ -892,7 +848,7 @@ def test_a_page_that_sends_anything_is_forgotten_when_it_leaves(
     controlled: Controlled, caplog: pytest.LogCaptureFixture, wire: bytes
 ) -> None:
     server, acting, url = controlled
-    with connected(url, live_request(url)) as opened:
+    with connected(url, request(url, "GET /live", *LIVE)) as opened:
         assert opened.recv(12) == b"HTTP/1.1 101"
         opened.sendall(wire + frame(0x88, b"", 0, masked=True))
     while server.clients:
@@ -921,7 +877,7 @@ def test_whatever_a_page_says_in_turn_the_hand_is_led_within_reach(
     server, acting, url = controlled
     payloads = [text.encode("utf-8", "surrogatepass") for text in texts]
     begun = time.monotonic()
-    with connected(url, live_request(url)) as opened:
+    with connected(url, request(url, "GET /live", *LIVE)) as opened:
         assert opened.recv(12) == b"HTTP/1.1 101"
         source.feed(3)
         with suppress(ConnectionError):  # disconnected already
