@@ -145,15 +145,6 @@ def test_below_three_values_there_is_no_interval(values: list[float]) -> None:
     assert "too few" in found.method
 
 
-def test_95_of_100_intervals_hold_the_true_mean() -> None:
-    generator = np.random.default_rng(3)
-    intervals = [
-        statistics.mean_interval(generator.normal(7.0, 2.0, 5).tolist()) for _ in range(2000)
-    ]
-    held = np.mean([interval.low <= 7.0 <= interval.high for interval in intervals])
-    assert held == pytest.approx(0.95, abs=0.015)
-
-
 def test_the_bootstrap_holds_the_true_error() -> None:
     generator = np.random.default_rng(4)
     held = []

@@ -38,24 +38,19 @@ def test_a_model_is_read_back_from_the_figures_of_an_identification(tmp_path: Pa
     assert (model.rate, model.delay_samples) == (1000.0, 2)
 
 
+def of_section(*numbers: float) -> str:
+    model = {"sections": [numbers], "rate_hz": 1, "delay_samples": 1}
+    return json.dumps({"discrete_model": model})
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
         ("{}", "discrete_model"),
         ("not json", "must be JSON"),
-        (
-            '{"discrete_model": {"sections": [[1]], "rate_hz": 1, "delay_samples": 1}}',
-            "six numbers",
-        ),
-        (
-            '{"discrete_model": {"sections": [[1,0,0,1,-2,0]], "rate_hz": 1, "delay_samples": 1}}',
-            "stable",
-        ),
-        (
-            '{"discrete_model": {"sections": [[1,0,0,1e-300,1e300,0]], "rate_hz": 1,'
-            ' "delay_samples": 1}}',
-            "the fourth of them 1",
-        ),
+        (of_section(1), "six numbers"),
+        (of_section(1, 0, 0, 1, -2, 0), "stable"),
+        (of_section(1, 0, 0, 1e-300, 1e300, 0), "the fourth of them 1"),
     ],
 )
 def test_a_file_that_is_none_is_refused(tmp_path: Path, text: str, reason: str) -> None:

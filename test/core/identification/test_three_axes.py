@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -107,13 +105,6 @@ def test_coils_close_to_a_plane_are_refused() -> None:
     flat = np.array([[1.0, 0.1, 0.65], [0.1, 1.0, 0.65], [0.6, 0.6, 0.72]])
     with pytest.raises(RecordingError, match="condition number = .* must be at most 10"):
         identify(trials(plant(flat, modes=False), 1))
-
-
-def test_nan_in_an_axis_is_refused_with_its_name() -> None:
-    (trial,) = trials(plant(), 1)
-    trial.handle_acceleration[500, 2] = math.nan
-    with pytest.raises(RecordingError, match="^axis z: handle_acceleration: holds NaN"):
-        identify([trial])
 
 
 def test_no_trial_is_refused() -> None:
