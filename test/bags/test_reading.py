@@ -135,15 +135,6 @@ def test_a_file_cut_off_anywhere_is_read_up_to_there(long_bag: Path, share: floa
     assert sum(recorded.counts.values()) >= min(9000, (size - 8000) // 200)
 
 
-def test_without_metadata_the_messages_are_read_all_the_same(
-    long_bag: Path, tmp_path: Path
-) -> None:
-    (tmp_path / "long.mcap").write_bytes((long_bag / "long.mcap").read_bytes())
-    recorded = read_bag(tmp_path)
-    assert recorded.problems == ["metadata.yaml is missing: its files are read without it"]
-    assert len(recorded.signals[topics.TOOL_ACCELERATION.name].stamps) == 9000
-
-
 def reported(
     received: int, name: str, message: str, topic: str = "/diagnostics"
 ) -> bag_maker.Message:

@@ -3,18 +3,15 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 from rosbags.rosbag2 import Reader
-from rosbags.typesys import Stores, get_typestore
 
 from bag_maker import STRING, vector_bytes
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import BagWriter, RecordingSession
 from reading import with_rosbags
-from running import PATIENCE
+from running import PATIENCE, python
 
 
 def session(bag: Path, *, start_paused: bool = False) -> RecordingSession:
@@ -95,7 +92,6 @@ def test_what_was_recorded_before_is_kept_beside_the_new_bag(tmp_path: Path) -> 
         recording.stop()
 
 
-TYPES = get_typestore(Stores.ROS2_JAZZY)
 ACCEL = "geometry_msgs/msg/AccelStamped"
 PERIOD = 1_000_000
 """Period of 1 kHz, ns."""
@@ -167,13 +163,7 @@ print(bag.files.trouble)
 
 
 def test_what_was_saved_before_the_disk_was_full_can_be_read(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", FULL],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-    )
+    done = python("-c", FULL, cwd=tmp_path, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr
     line, trouble = done.stdout.splitlines()
     # A limit on the size of files stands for the disk, which a test cannot fill.

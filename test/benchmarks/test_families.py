@@ -11,9 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from families import FAMILIES, RATE, Task, families, progress, run_member, summary
+from families import FAMILIES, RATE, Task, progress, run_member, summary
 
-from haptic_accel.cli.main import run
 from running import Start
 
 SCRIPT = Path(__file__).resolve().parents[2] / "benchmarks" / "families.py"
@@ -86,19 +85,3 @@ def test_windows_above_none_and_false_names_are_counted() -> None:
     assert adaptive["above_inverse_points"] == 1.0
     assert (inverse["false_names"], adaptive["false_names"]) == (0, 1)
     assert (inverse["given_up"], inverse["near_bound"], adaptive["near_bound"]) == (1, 0, 0)
-
-
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        ("inputs --controllers inverse", "controllers: must contain none"),
-        ("recordings", "recordings: needs --recordings FOLDER"),
-    ],
-)
-def test_wrong_words_are_refused_in_one_line(
-    words: str, line: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit, match="^2$"):
-        run(families, "families", words.split())
-    (told,) = capsys.readouterr().err.splitlines()
-    assert line in told

@@ -9,9 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fidelity import fidelity
 
-from haptic_accel.cli.main import run
 from running import Command, Start
 
 SCRIPT = Path(__file__).resolve().parents[2] / "benchmarks" / "fidelity.py"
@@ -118,25 +116,3 @@ def test_what_is_done_is_saved_at_ctrl_c_and_the_same_command_goes_on(
     assert f"{done} of 5 trials are taken from figures.json.part" in again.text
     assert (tmp_path / "figures.json").read_text() == (tmp_path / "whole.json").read_text()
     assert not (tmp_path / "figures.json.part").exists()
-
-
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        ("--controllers none,magic", "'magic': must be one of "),
-        ("texture", "'texture': must be one of surfaces, "),
-        ("recordings", "recordings: needs --recording"),
-        ("--rig no.yaml", "rig = 'no.yaml': must be one of ideal, "),
-        ("--rate 10", "Invalid value for '--rate': 10.0 is not in the range"),
-        ("--recording no.csv --recording-rate 10", "surface = 'no.csv': must be "),
-        ("--recording a --recording b --recording-rate 1", "surface = 'a': "),
-        ("--json no/such.json", "json = 'no/such.json': No such file or directory"),
-    ],
-)
-def test_wrong_words_are_refused_in_one_line(
-    words: str, line: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit, match="^2$"):
-        run(fidelity, "fidelity", words.split())
-    (told,) = capsys.readouterr().err.splitlines()
-    assert line in told

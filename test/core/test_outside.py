@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import logging
 import shutil
-import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -43,6 +42,7 @@ from haptic_accel.core.parameters import ParameterError, warn_once
 from haptic_accel.devices import Device, DeviceError
 from haptic_accel.devices.interface import MASTERS_GROUP, driver_problem
 from haptic_accel.devices.simulated import SimulatedMaster
+from running import python
 
 OBJECTS = """
 from haptic_accel.cli.lazy import KitVerb, LazyGroup
@@ -168,7 +168,7 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def run(*words: str) -> tuple[int, str, list[str]]:
     """Run Python; return exit status, output and lines of errors."""
-    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
+    done = python(*words)
     return done.returncode, done.stdout, done.stderr.splitlines()
 
 

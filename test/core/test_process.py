@@ -5,12 +5,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import pytest
 
 from haptic_accel.core.process import shortage
+from running import python
 
 
 def chained(error: Exception, cause: Exception) -> Exception:
@@ -49,6 +47,6 @@ def test_an_exception_that_nothing_can_catch_is_reported_unless_memory_is_short(
         "    def __del__(self): raise self.error\n"
         "Ended(MemoryError('short')); Ended(ValueError('wrong'))\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = python("-c", code, check=True)
     assert "wrong" in done.stderr
     assert "short" not in done.stderr

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,7 +24,7 @@ from haptic_accel.setup.arguments import PLAYED_TOPICS
 from haptic_accel.setup.node_parameters import NODES
 from nightly import rest_slow
 from observing import Observer
-from running import PATIENCE, Start
+from running import PATIENCE, Start, python
 
 DRIVER = """
 from dataclasses import dataclass
@@ -148,8 +146,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
 
 
 def run(*words: str) -> tuple[int, str]:
-    command = [sys.executable, *module_command("haptic_accel.cli.main")[1:], *words]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE)
+    done = python(*module_command("haptic_accel.cli.main")[1:], *words, timeout=PATIENCE)
     return done.returncode, done.stdout + done.stderr
 
 
@@ -242,8 +239,7 @@ main("teleop master:=simulated rate:=0".split())
 
 def test_a_broken_driver_is_named_where_it_is_asked_for(install: Install) -> None:
     install({f"lab{number}": target for number, target in enumerate(BROKEN)})
-    command = [sys.executable, "-c", ONE_BY_ONE, str(len(BROKEN))]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = python("-c", ONE_BY_ONE, len(BROKEN))
     *lines, last = done.stderr.splitlines()
     for number, (line, reason) in enumerate(zip(lines, BROKEN.values(), strict=True)):
         assert line.startswith(f"haptic-accel: master = 'lab{number}': ")

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import struct
 import wave
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -170,54 +169,35 @@ def test_csv_and_wav_files_are_played_too(tmp_path: Path) -> None:
         assert played == pytest.approx(tone, abs=2e-3)
 
 
-def no_file(path: Path) -> Path:
-    return path.with_name("nowhere")
-
-
-def no_tool(path: Path) -> Path:
-    only = {topics.MASTER_POSITION: rows()[topics.MASTER_POSITION]}
-    return recorded(path.with_name("no_tool"), only)
-
-
-def no_rate(path: Path) -> Path:
-    return recorded(path.with_name("one"), rows(1))
-
-
-def too_short(path: Path) -> Path:
-    return recorded(path.with_name("short"), rows(50))
-
-
-def empty_folder(path: Path) -> Path:
-    path.with_name("empty").mkdir()
-    return path.with_name("empty")
+def without_tool() -> Rows:
+    return {topics.MASTER_POSITION: rows()[topics.MASTER_POSITION]}
 
 
 @pytest.mark.parametrize(
-    ("make", "named"),
+    ("signals", "speed", "named"),
     [
-        (no_file, "nowhere: no such bag or file"),
-        (no_tool, "has no message of slave/tool/acceleration"),
-        (no_rate, "rate not found"),
-        (too_short, "start = 0"),
-        (empty_folder, "must be a bag"),
+        (None, 1.0, "nowhere: no such bag or file"),
+        (without_tool(), 1.0, "has no message of slave/tool/acceleration"),
+        (rows(1), 1.0, "rate not found"),
+        (rows(50), 1.0, "start = 0"),
+        (rows(), 10.0, "speed = 10"),
     ],
 )
 def test_what_cannot_be_replayed_is_refused_in_one_line(
-    bag: Path, make: Callable[[Path], Path], named: str
+    tmp_path: Path, signals: Rows | None, speed: float, named: str
 ) -> None:
+    if signals:
+        recorded(tmp_path / "nowhere", signals)
     with pytest.raises(ParameterError, match=named) as caught:
-        opened(playback.ReplaySlave, make(bag))
+        opened(playback.ReplaySlave, tmp_path / "nowhere", speed=speed)
     assert "\n" not in str(caught.value)
 
 
-def test_nothing_to_play_is_refused_by_name() -> None:
+def test_nothing_to_play_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="must be a bag"):
+        opened(playback.ReplaySlave, tmp_path)
     with pytest.raises(ParameterError, match="replay.file = ''"):
         playback.ReplaySlave(playback.ReplayParameters(), RATE, 0)
-
-
-def test_what_is_too_short_at_a_speed_is_refused(bag: Path) -> None:
-    with pytest.raises(ParameterError, match="speed = 10"):
-        opened(playback.ReplaySlave, bag, speed=10.0)
 
 
 def test_a_force_between_a_tick_s_time_and_a_late_tick_shifts_no_sample(bag: Path) -> None:

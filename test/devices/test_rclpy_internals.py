@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 from collections.abc import Callable
@@ -16,7 +15,7 @@ import pytest
 from haptic_accel.core.topics import SIGNALS
 from haptic_accel.devices import rclpy_internals
 from reading import with_rosbags
-from running import Start, python
+from running import Start
 
 RENAMED = '''
 import re
@@ -114,21 +113,3 @@ UNDOCUMENTED = re.compile(
 def test_one_module_has_all_undocumented_names() -> None:
     files = Path(rclpy_internals.__file__).parents[1].rglob("*.py")
     assert [p.name for p in files if UNDOCUMENTED.search(p.read_text())] == ["rclpy_internals.py"]
-
-
-LOG = """
-from haptic_accel.devices.rclpy_internals import NodeLogger, prepare_logging
-
-prepare_logging()
-log = NodeLogger("arm")
-for line in ("one", "two\\x1b"):
-    for say in (log.info, log.warning, log.debug):
-        say(line)
-"""
-
-
-def test_lines_are_logged_and_escaped() -> None:
-    environment = os.environ | {"RCUTILS_CONSOLE_OUTPUT_FORMAT": "{name} {severity} {message}"}
-    done = python("-c", LOG, env=environment, check=True)
-    expected = ["arm INFO one", "arm WARN one", r"arm INFO two\x1b", r"arm WARN two\x1b"]
-    assert done.stderr.splitlines() == expected

@@ -200,7 +200,7 @@ def test_status_counts_what_was_cut() -> None:
 # Changing
 
 
-@both
+@pytest.mark.parametrize("device_class", [*BOTH, simulated.VirtualSlave])
 def test_what_can_be_changed_is_among_the_parameters(device_class: type[Device]) -> None:
     assert device_class.description.changeable
     assert set(device_class.description.changeable) <= set(schema(device_class.Parameters))

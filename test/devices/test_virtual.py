@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.core.model import ZERO
-from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices.simulated import VirtualSlave, VirtualSlaveParameters
 from haptic_accel.materials.folders import preset_file
 
@@ -69,7 +69,3 @@ def test_a_running_device_does_not_wait_for_a_scene_to_be_examined(
     ):
         device.change(VirtualSlaveParameters(scene=str(tmp_path / "new.yaml")))
     assert device.contact_force == before
-
-
-def test_what_can_be_changed_is_among_the_parameters() -> None:
-    assert set(VirtualSlave.description.changeable) <= set(schema(VirtualSlaveParameters))

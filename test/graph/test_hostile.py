@@ -60,7 +60,6 @@ OWN = ("/observer/", "/rosout", "/parameter_events")
 KNOWN = sorted({name for node in NODES for name in node_schema(node)})
 LABELS = ("configure", "activate", "deactivate", "cleanup", "create", "transition_success")
 TEXTS = st.sampled_from((*ODD_TEXTS, *KNOWN, *LABELS, "use_sim_time", "/", "~/x", "x" * 60_000))
-PIECES = (b"\0", b"\xff" * 4, b"\x80", b"\xed\xa0\x80")
 INTEGERS = re.compile(r"(u?)int(8|16|32|64)$")
 KINDS: dict[str, st.SearchStrategy[Any]] = {
     "boolean": st.booleans(),

@@ -9,7 +9,6 @@ import glob
 import os
 import socket
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -18,7 +17,7 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import MASTER_ARM_FORCE
 from haptic_accel.graph import stop_signal
-from running import PATIENCE, reserved_domain, sending
+from running import PATIENCE, python, reserved_domain, sending
 
 TOPIC = f"/{MASTER_ARM_FORCE.name}"
 
@@ -91,8 +90,7 @@ def without(module: str, words: Sequence[str]) -> subprocess.CompletedProcess[st
         "from haptic_accel.cli.main import main\n"
         f"main({list(words)})"
     )
-    words_of = [sys.executable, "-c", code]
-    return subprocess.run(words_of, capture_output=True, text=True, timeout=PATIENCE)
+    return python("-c", code, timeout=PATIENCE)
 
 
 MISSING = [("click", ["namespace:=left"]), ("click", []), ("dataclasses", []), ("rclpy", [])]
