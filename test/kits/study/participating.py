@@ -23,7 +23,7 @@ from haptic_accel.scope.windows import Windows
 ENGLISH = {word: word.replace("_", " ") for word in read_texts("en")} | {"language": "en"}
 """Words of the page, each its own key."""
 
-TRIALS = 10
+TRIALS = 6
 
 PARTICIPANT = "P07"
 

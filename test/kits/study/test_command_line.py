@@ -17,6 +17,7 @@ from kits.study.studies import TEXT, Scripted, run_session, write_study
 from haptic_accel.kits.study.folder import Study, templates
 from haptic_accel.kits.study.tables import FORMS
 from haptic_accel.kits.study.trials import COMPLETE
+from nightly import rest_slow
 from page_content import Page
 from refusals import assert_refused, rows
 from verbs import ODD_NAMES, next_command, next_words, output_of, refusal, status_of
@@ -213,7 +214,7 @@ def test_no_participant_follows_the_last_one(tmp_path: Path) -> None:
     assert not study.participant_folder("P03").exists()
 
 
-@pytest.mark.parametrize("name", sorted(templates()))
+@pytest.mark.parametrize("name", rest_slow(sorted(templates())))
 def test_every_template_goes_from_its_file_to_exported_data(name: str, tmp_path: Path) -> None:
     folder, tried = tmp_path / "mine", tmp_path / "tried"
     assert status_of("study", "new", "--template", name, folder) == 0

@@ -90,13 +90,6 @@ def test_a_participant_goes_on_with_the_version_of_the_begin(study: Study) -> No
     assert [each["digest"] for each in changed.journal] == [first.digest, second.digest]
 
 
-def test_comments_make_no_version(study: Study) -> None:
-    study.begin("P01").close()
-    changed = write_study(study.folder, f"# Pilot\n{TEXT}")
-    changed.begin("P02").close()
-    assert len({each.digest for each in changed.sessions}) == 1
-
-
 def test_a_changed_version_is_refused(study: Study) -> None:
     study.begin("P01").close()
     (version,) = (study.folder / "versions").iterdir()

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kits.study.protocol_maker import make_levels, make_protocol
-from kits.study.study_runs import always_right, asking, record, run
+from kits.study.study_runs import always_right, asking, run
 
 from haptic_accel.kits.study.folder import templates
 from haptic_accel.kits.study.procedures import (
@@ -136,16 +136,6 @@ def test_an_undelivered_trial_is_repeated_and_then_left_out() -> None:
     assert numbers == [(0, 0), (1, 0), (1, 1), (1, 2), (2, 0)]
     assert records[1].trial == records[3].trial
     assert len(records) == plan.trials + 2
-
-
-def test_a_trial_with_a_flaw_is_repeated_although_it_was_answered() -> None:
-    plan = Plan(make_protocol(extras=NOTHING_ELSE), 1, 0)
-    trial = plan.next()
-    assert trial is not None
-    flawed = record(trial, None)
-    plan.record(flawed.__class__(trial, 0, (), Answer("1", 1.0), 0, 0, 0, 0, "late = 50 %"))
-    assert plan.next() == trial
-    assert plan.attempt == 1
 
 
 def test_a_staircase_ends_though_nothing_is_delivered() -> None:

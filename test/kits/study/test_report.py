@@ -59,9 +59,14 @@ def read_json(folder: Path) -> Any:
     return json.loads(text, parse_constant=refuse)
 
 
-def test_planned_tests_come_first_and_the_rest_is_exploratory(tmp_path: Path) -> None:
+def test_planned_tests_come_first_and_excluded_participants_are_named_with_the_rule(
+    tmp_path: Path,
+) -> None:
+    made = sessions()
+    stopped = [*made[:3], replace(made[3], ended="stopped by the participant")]
+    found = analyse_study(STUDY, stopped)
     why = "2026-11-26 12:00: all are complete"
-    page = Page(write_report(analyse_study(STUDY, sessions()), tmp_path, why))
+    page = Page(write_report(found, tmp_path, why))
     assert f"Unblinded on {why}." in page.text
     headings = ["Planned tests", "Exploratory results", "Delivered stimuli", "Participants"]
     places = [page.text.index(each) for each in headings]
@@ -69,6 +74,11 @@ def test_planned_tests_come_first_and_the_rest_is_exploratory(tmp_path: Path) ->
     assert page.tables[0][1][0] == "Better than <chance>"
     assert "their probabilities are not corrected" in page.text
     assert STUDY.digest[:12] in page.text
+    rule = "session not complete (stopped by the participant)"
+    assert f"P03: {rule}" in page.text
+    assert read_json(tmp_path)["excluded"] == {"P03": rule}
+    counted = [row["participant"] for row in result(found, "sensitivity").rows]
+    assert set(counted) == {"P00", "P01", "P02"}
 
 
 def test_a_study_without_planned_tests_says_so(tmp_path: Path) -> None:
@@ -76,18 +86,6 @@ def test_a_study_without_planned_tests_says_so(tmp_path: Path) -> None:
     found = analyse_study(study, sessions(study))
     assert all(each.kind != PLANNED for each in found.results)
     assert "has no planned test" in Page(write_report(found, tmp_path)).text
-
-
-def test_excluded_participants_are_named_with_the_rule(tmp_path: Path) -> None:
-    made = sessions()
-    stopped = [*made[:3], replace(made[3], ended="stopped by the participant")]
-    found = analyse_study(STUDY, stopped)
-    page = Page(write_report(found, tmp_path))
-    rule = "session not complete (stopped by the participant)"
-    assert f"P03: {rule}" in page.text
-    assert read_json(tmp_path)["excluded"] == {"P03": rule}
-    counted = [row["participant"] for row in result(found, "sensitivity").rows]
-    assert set(counted) == {"P00", "P01", "P02"}
 
 
 def test_delivered_stimuli_are_stated_by_condition_with_what_was_not_delivered() -> None:
@@ -114,19 +112,7 @@ def test_sensitivity_states_the_exact_interval_of_each_participant() -> None:
     assert row["proportion_correct_low"] == pytest.approx(exact.proportion_ci().low)
 
 
-def test_confusions_count_answers_by_what_was_presented() -> None:
-    study = protocol("identification", pairs=())
-    trials = single(study, 5)
-    answers = {str(NONE): str(NONE), str(MASS): str(NONE), str(ADAPTIVE): str(ADAPTIVE)}
-    names = {str(each): str(each["controller"]) for each in (NONE, MASS, ADAPTIVE)}
-    made = session(study, "P1", trials, lambda trial, _: names[answers[str(trial.stimuli[0])]])
-    rules = replace(study.rules, catch_correct=0.0)
-    rows = result(analyse_study(replace(study, rules=rules), [made]), "confusions").rows
-    expected = [["none", 5, 0, 0], ["mass", 5, 0, 0], ["adaptive", 0, 0, 5]]
-    assert [list(row.values()) for row in rows] == expected
-
-
-def test_information_is_that_of_each_participant() -> None:
+def test_confusions_are_counted_together_and_their_information_by_participant() -> None:
     """Two of three conditions are confused: 5 of 15 answers stand alone, 0.92 bits."""
     study = protocol("identification", pairs=(), rules=Rules(catch_correct=0.0))
     names = {str(each): str(each["controller"]) for each in (NONE, MASS, ADAPTIVE)}
@@ -137,7 +123,10 @@ def test_information_is_that_of_each_participant() -> None:
         return confused[names[str(trial.stimuli[0])]]
 
     made = [session(study, name, trials, answer) for name in ("P1", "P2")]
-    rows = result(analyse_study(study, made), "information").rows
+    found = analyse_study(study, made)
+    counts = [list(row.values()) for row in result(found, "confusions").rows]
+    assert counts == [["none", 10, 0, 0], ["mass", 10, 0, 0], ["adaptive", 0, 0, 10]]
+    rows = result(found, "information").rows
     assert [row["participant"] for row in rows] == ["P1", "P2"]
     assert rows[0]["uncorrected"] == pytest.approx(0.918, abs=1e-3)
 
@@ -213,17 +202,11 @@ def test_each_template_is_reported_from_simulated_observers(name: str, tmp_path:
             assert picture.info["dpi"][0] == pytest.approx(300, abs=1)
         table = pd.read_csv(tmp_path / f"{each.name}.csv")
         assert len(table) == len(each.rows) == len(read_json(tmp_path)[each.name])
+        assert each.figure
+        panels = [panel for panel in each.figure.get_axes() if panel.get_label() != "<colorbar>"]
+        named = all(panel.get_xlabel() for panel in panels)
+        assert named or (each.figure.get_supxlabel() and each.figure.get_supylabel())
     assert len(pd.read_csv(tmp_path / "trials.csv")) == len(found.tables.trials)
-
-
-def test_figures_have_named_axes() -> None:
-    for name in ("gain_jnd", "preference"):
-        found = analyse_study(shortened(name), simulate_study(shortened(name), SHORT, 1))
-        for each in found.results:
-            assert each.figure
-            panels = each.figure.get_axes()
-            named = all(panel.get_xlabel() for panel in panels)
-            assert named or (each.figure.get_supxlabel() and each.figure.get_supylabel())
 
 
 def test_distances_of_levels_have_their_unit() -> None:

@@ -18,7 +18,7 @@ from typing import Any
 import aiohttp
 import pytest
 from kits.study.participating import PageRig
-from kits.study.studies import write_study
+from kits.study.studies import TEXT, write_study
 
 from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.protocol import Condition, Protocol
@@ -131,7 +131,7 @@ def visitor(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Act], Visitor
 
 @pytest.fixture
 def study(tmp_path: Path) -> Study:
-    return write_study(tmp_path / "study")
+    return write_study(tmp_path / "study", TEXT.replace("repeats: 12", "repeats: 6"))
 
 
 def words(study: Study, verb: str = "run") -> tuple[object, ...]:
@@ -148,7 +148,7 @@ def test_a_participant_goes_through_a_study(
     for word in ("adaptive", "different", "none"):
         assert word not in shown.out + shown.err
     (session,) = study.sessions
-    assert (session.ended, len(session.counted)) == (COMPLETE, 12)
+    assert (session.ended, len(session.counted)) == (COMPLETE, 6)
     visited.close()
     # A page that is quick sees the session wait before it begins.
     assert next(kind for kind in visited.kinds if kind != "wait") == "consent"
