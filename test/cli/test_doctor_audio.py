@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 import signal
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -36,16 +37,34 @@ def doctor(folder: Path, *words: str) -> subprocess.Popen[str]:
     return piped(folder, "-m", "haptic_accel.cli.main", "doctor", "audio", *words)
 
 
-def ended(command: subprocess.Popen[str], answers: str = "") -> list[str]:
-    text, _ = command.communicate(answers, timeout=PATIENCE)
+def ended(command: subprocess.Popen[str]) -> list[str]:
+    text, _ = command.communicate(timeout=PATIENCE)
     assert "Traceback" not in text
     return text.splitlines()
 
 
-def test_cards_are_listed_with_what_is_in_between(folder: Path) -> None:
-    command = doctor(folder, "--json", "cards.json")
-    lines = ended(command)
-    assert command.returncode == 0, lines
+Tried = Callable[..., tuple[int, list[str]]]
+
+
+@pytest.fixture
+def tried(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Tried:
+    """Run the verb in this process: ``tried(ANSWERS, *WORDS)`` returns its status and lines."""
+    monkeypatch.chdir(folder)
+
+    def run(answers: str, *words: str) -> tuple[int, list[str]]:
+        monkeypatch.setattr("sys.stdin", io.StringIO(answers))
+        status = status_of("doctor", "audio", *words)
+        shown = capsys.readouterr()
+        return status, (shown.out + shown.err).splitlines()
+
+    return run
+
+
+def test_cards_are_listed_with_what_is_in_between(folder: Path, tried: Tried) -> None:
+    status, lines = tried("", "--json", "cards.json")
+    assert status == 0, lines
     assert lines[-1] == "next: haptic-accel doctor audio device:=stereo"
     found = json.loads((folder / "cards.json").read_text())["cards"]
     cards = {card["name"]: card for card in found}
@@ -58,19 +77,12 @@ def test_cards_are_listed_with_what_is_in_between(folder: Path) -> None:
     assert [cell.strip() for cell in row.strip("│").split("│")] == [QUAD, "nothing", "4", "44100"]
 
 
-def test_the_card_of_a_preset_is_to_be_tried_next(folder: Path) -> None:
-    cards = folder / "asound.conf"
-    cards.write_text(cards.read_text().replace("pcm.quad {", "pcm.DualSense {"))
-    command = doctor(folder)
-    assert ended(command)[-1] == "next: haptic-accel doctor audio preset:=dualsense"
-
-
-def test_the_channels_that_were_felt_are_written_into_the_file(folder: Path) -> None:
+def test_the_channels_that_were_felt_are_written_into_the_file(folder: Path, tried: Tried) -> None:
     file = folder / "rig.yaml"
     file.write_text("coupler: {ros__parameters: {k_m: 300.0}}  # soft\n")
-    command = doctor(folder, f"device:={QUAD}", "preset:=exciter", "file:=rig.yaml")
-    lines = ended(command, "5\n\n3, 4\n")
-    assert command.returncode == 0, lines
+    words = f"device:={QUAD}", "preset:=exciter", "file:=rig.yaml"
+    status, lines = tried("5\n\n3, 4\n", *words)
+    assert status == 0, lines
     channels = [line for line in lines if line.startswith("channel")]
     assert channels == [f"channel {number}" for number in (1, 2, 3, 4)]
     assert "audio.channels = 5: must be at most 4" in lines
@@ -85,8 +97,8 @@ def test_the_channels_that_were_felt_are_written_into_the_file(folder: Path) -> 
     assert (audio.preset, audio.device, audio.channels) == ("exciter", QUAD, "3, 4")
 
 
-def test_a_tone_is_soft_rises_and_is_on_one_channel_only(folder: Path) -> None:
-    ended(doctor(folder, f"device:={QUAD}"), "4\n")
+def test_a_tone_is_soft_rises_and_is_on_one_channel_only(folder: Path, tried: Tried) -> None:
+    assert tried("4\n", f"device:={QUAD}")[0] == 0
     *others, tone = received_of_four(folder).T  # the last channel was the last to be opened
     assert not np.any(others)
     assert 0.05 < np.abs(tone).max() <= 0.1 + 1e-6
@@ -101,15 +113,13 @@ def test_a_tone_is_soft_rises_and_is_on_one_channel_only(folder: Path) -> None:
     [
         (["preset:=dualsense"], "", "audio.device = 'DualSense': No output device matching"),
         ([f"device:={QUAD}"], "", "the input ended before a channel was named: nothing written"),
-        ([f"device:={QUAD}"], "\n7\n", "the input ended before a channel was named"),
     ],
 )
 def test_what_cannot_be_tried_is_said_in_one_line(
-    folder: Path, words: list[str], answers: str, told: str
+    folder: Path, tried: Tried, words: list[str], answers: str, told: str
 ) -> None:
-    command = doctor(folder, *words)
-    lines = ended(command, answers)
-    assert command.returncode == 1
+    status, lines = tried(answers, *words)
+    assert status == 1
     assert lines[-1].startswith(f"haptic-accel: {told}"), lines
     assert not (folder / "audio.yaml").exists()
 

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +24,9 @@ from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
 from haptic_accel.kits.emulators.pseudo_terminal import run
 from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
 from haptic_accel.setup.files import read_parameter_file
-from running import PATIENCE, piped
+from verbs import output_of, refusal
 
-WORDS = ("seconds:=0.2", "file:=found.yaml")
+CALIBRATE, WORDS = ("calibrate", "port:=port"), ("seconds:=0.2", "file:=found.yaml")
 
 
 class Turned:
@@ -50,12 +50,14 @@ class Turned:
     def hold(self, gravity: float) -> None:
         """Hold it still: 5 % too sensitive, and 0.5 m/s^2 off."""
         self.felt = lambda time: along_actuator(1.05 * gravity + 0.5)
+        time.sleep(0.05)  # samples of before have arrived
 
     def hold_tool(self, name: str) -> None:
         """Hold a tool still, on which the sensor is turned by a quarter about z."""
         x, y, z = POSES[name]
         felt = [1.05 * GRAVITY * each + 0.5 for each in (-y, x, z)]
         self.felt = lambda time: vector(np.array(felt))
+        time.sleep(0.05)
 
     def end(self) -> None:
         self._ending.set()
@@ -70,44 +72,45 @@ def board(tmp_path: Path) -> Iterator[Turned]:
     board.end()
 
 
-def calibrate(folder: Path, *words: str) -> subprocess.Popen[str]:
-    return piped(folder, "-m", "haptic_accel.cli.main", "calibrate", *words)
+Acts = Callable[..., list[str]]
 
 
-def answer(command: subprocess.Popen[str], position: str) -> None:
-    """Press Enter when asked for a position."""
-    assert command.stdin
-    assert command.stdout
-    assert f"axis {position}, firm and still" in command.stdout.readline()
-    command.stdin.write("\n")
-    command.stdin.flush()
+@pytest.fixture
+def person(here: Path, monkeypatch: pytest.MonkeyPatch) -> Acts:
+    """Let a person act when asked: ``person(*ACTS)`` returns the questions.
+
+    An act returns what is typed before Enter, or None; after the last one the input has ended.
+    """
+
+    def acting(*acts: Callable[[], str | None]) -> list[str]:
+        left, asked = iter(acts), list[str]()
+
+        def answer(question: str) -> str:
+            asked.append(question)
+            for act in left:
+                return act() or ""
+            raise EOFError
+
+        monkeypatch.setattr("builtins.input", answer)
+        return asked
+
+    return acting
 
 
-def turned_over(board: Turned, command: subprocess.Popen[str]) -> str:
-    """Turn the board over once asked to, and return what the command says then."""
-    assert command.stdout
-    assert "axis down" in command.stdout.readline()
-    board.hold(-GRAVITY)
-    time.sleep(0.05)
-    text, _ = command.communicate("\n", timeout=PATIENCE)
-    assert command.returncode == 0, text
-    return text
-
-
-def test_a_board_is_calibrated_by_turning_it_over(board: Turned, tmp_path: Path) -> None:
-    command = calibrate(tmp_path, "port:=port", "axis:=y", "force_constant:=2.5", *WORDS)
+def test_a_board_is_calibrated_by_turning_it_over(
+    board: Turned, person: Acts, tmp_path: Path
+) -> None:
+    turning = partial(board.hold, GRAVITY), partial(board.hold, -GRAVITY)
     # The emulated board samples along z alone: what is asked of another axis is still.
-    board.hold(GRAVITY)
-    answer(command, "up")
-    text, _ = command.communicate("\n", timeout=PATIENCE)
-    assert command.returncode == 1
-    assert "should by about 19.6; was this axis held up and then down?" in text
+    person(turning[0], turning[0])
+    told = refusal(*CALIBRATE, "axis:=y", "force_constant:=2.5", *WORDS, status=1)
+    assert "should by about 19.6; was this axis held up and then down?" in told
     assert not (tmp_path / "found.yaml").exists()
 
-    command = calibrate(tmp_path, "port:=port", "force_constant:=2.5", *WORDS)
-    answer(command, "up")
-    text = turned_over(board, command)
-    assert "found.yaml" in text
+    asked = person(*turning)
+    assert "found.yaml" in output_of(*CALIBRATE, "force_constant:=2.5", *WORDS)
+    firm = "firm and still, then press Enter\n"
+    assert asked == [f"hold the z axis {way}, {firm}" for way in ("up", "down")]
     values = read_parameter_file(tmp_path / "found.yaml")["master_device"]
     assert values["serial.port"] == "port"
     assert values["serial.calibration.board"] == "board-7"
@@ -118,14 +121,13 @@ def test_a_board_is_calibrated_by_turning_it_over(board: Turned, tmp_path: Path)
     assert yaml.safe_load((tmp_path / "found.yaml").read_text())
 
 
-def test_a_calibration_goes_into_the_file_of_the_rig(board: Turned, tmp_path: Path) -> None:
+def test_a_calibration_goes_into_the_file_of_the_rig(
+    board: Turned, person: Acts, tmp_path: Path
+) -> None:
     rig = tmp_path / "rig.yaml"
     rig.write_text("coupler: {ros__parameters: {k_m: 300.0}}  # soft\n")
-    command = calibrate(tmp_path, "port:=port", "seconds:=0.2", "--update", "rig.yaml")
-    board.hold(GRAVITY)
-    answer(command, "up")
-    text = turned_over(board, command)
-    last = text.splitlines()[-1]
+    person(partial(board.hold, GRAVITY), partial(board.hold, -GRAVITY))
+    last = output_of(*CALIBRATE, "seconds:=0.2", "--update", "rig.yaml").splitlines()[-1]
     assert last == "next: haptic-accel identify params_file:=rig.yaml --update rig.yaml"
     assert "# soft" in rig.read_text()
     values = read_parameter_file(rig, "")
@@ -135,22 +137,16 @@ def test_a_calibration_goes_into_the_file_of_the_rig(board: Turned, tmp_path: Pa
     assert values["compensator"]["actuator.force_constant"] == 2.4
 
 
-def test_six_poses_give_the_mounting_of_a_tools_sensor(board: Turned, tmp_path: Path) -> None:
+def test_six_poses_give_the_mounting_of_a_tools_sensor(
+    board: Turned, person: Acts, tmp_path: Path
+) -> None:
     rig = tmp_path / "rig.yaml"
     rig.write_text("/**: {ros__parameters: {rate: 1000.0}}\n")
-    words = ("port:=port", "side:=slave", "axis:=xyz", "seconds:=0.2")
-    command = calibrate(tmp_path, *words, "--update", "rig.yaml")
-    assert command.stdin
-    assert command.stdout
-    for name in POSES:
-        line = command.stdout.readline()
-        assert line.startswith(f"hold the tool with its {name}, firm and still"), line
-        board.hold_tool(name)
-        time.sleep(0.05)
-        command.stdin.write("\n")
-        command.stdin.flush()
-    text, _ = command.communicate(timeout=PATIENCE)
-    assert command.returncode == 0, text
+    asked = person(*(partial(board.hold_tool, name) for name in POSES))
+    words = ("side:=slave", "axis:=xyz", "seconds:=0.2", "--update", "rig.yaml")
+    text = output_of(*CALIBRATE, *words)
+    for question, name in zip(asked, POSES, strict=True):
+        assert question.startswith(f"hold the tool with its {name}, firm and still"), question
     assert "axis xyz: sensor turned by 90.0 +- 0.0 degrees" in text
     values = read_parameter_file(rig)["slave_device"]
     assert values["serial.axes"] == "x, y, z"
@@ -162,22 +158,20 @@ def test_six_poses_give_the_mounting_of_a_tools_sensor(board: Turned, tmp_path: 
         assert found == pytest.approx([GRAVITY * each for each in upward], abs=0.02)
 
 
-def test_a_pose_may_be_skipped_but_not_too_many(board: Turned, tmp_path: Path) -> None:
-    board.hold_tool("z axis up")
-    command = calibrate(tmp_path, "port:=port", "side:=slave", "axis:=xyz", *WORDS)
-    text, _ = command.communicate("s\n" * 5 + "\n", timeout=PATIENCE)
-    assert command.returncode == 1
-    assert text.splitlines()[-1] == "haptic-accel: poses = 1: must be at least 3"
+def test_a_pose_may_be_skipped_but_not_too_many(board: Turned, person: Acts) -> None:
+    person(*[lambda: "s"] * 5, partial(board.hold_tool, "z axis up"))
+    told = refusal(*CALIBRATE, "side:=slave", "axis:=xyz", *WORDS, status=1)
+    assert told == "poses = 1: must be at least 3"
 
 
-def test_a_board_that_moves_is_refused(board: Turned, tmp_path: Path) -> None:
+def test_a_board_that_moves_is_refused(board: Turned, person: Acts) -> None:
     board.felt = lambda time: along_actuator(3.0 * (time * 20 % 1))
-    command = calibrate(tmp_path, "port:=port", "side:=slave", *WORDS)
-    text, _ = command.communicate("\n\n", timeout=PATIENCE)
-    assert command.returncode == 1
-    assert text.splitlines()[-1].startswith("haptic-accel: the sensor moved: standard deviation")
+    person(lambda: "", lambda: "")
+    told = refusal(*CALIBRATE, "side:=slave", *WORDS, status=1)
+    assert told.startswith("the sensor moved: standard deviation")
 
 
+@pytest.mark.usefixtures("board")
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -186,10 +180,6 @@ def test_a_board_that_moves_is_refused(board: Turned, tmp_path: Path) -> None:
         (["port:=port"], "the input ended before all positions were measured"),
     ],
 )
-def test_what_cannot_be_is_said_in_one_line(
-    board: Turned, tmp_path: Path, words: list[str], told: str
-) -> None:
-    command = calibrate(tmp_path, *words)
-    text, _ = command.communicate("", timeout=PATIENCE)
-    assert command.returncode == 1
-    assert text.splitlines()[-1].startswith(f"haptic-accel: {told}"), text
+def test_what_cannot_be_is_said_in_one_line(person: Acts, words: list[str], told: str) -> None:
+    person()
+    assert refusal("calibrate", *words, status=1).startswith(told)
