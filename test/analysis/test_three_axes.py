@@ -9,6 +9,7 @@ import json
 import math
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -16,8 +17,9 @@ import pytest
 from PIL import Image
 
 from bag_maker import BagContent, meta, write_bag
-from browsing import chromium
+from browsing import opened
 from haptic_accel.analysis import groups, load, signals, trials
+from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.segments import read_segment
 from haptic_accel.analysis.summary import summary, tables
 from haptic_accel.analysis.writing import PICTURES, as_json, signal_table, write_analysis
@@ -29,6 +31,9 @@ from haptic_accel.core.evaluation.metrics import by_component
 from haptic_accel.core.handle.plant import MatrixPlant, Plant
 from haptic_accel.core.model import FloatArray
 from page_content import Page
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 RATE = 1000.0
 TURNS = {"none": None, "constant": 10.0, "inverse": 0.0}
@@ -76,6 +81,11 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def analysis(bags: Path) -> Analysis:
+    return load(bags)
+
+
+@pytest.fixture(scope="module")
 def report(bags: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("report")
     write_bag(folder / "bags" / "one", along_z(content("inverse", seed=1)))
@@ -115,8 +125,10 @@ def test_a_bag_of_one_axis_has_the_figures_of_that_axis(tmp_path: Path) -> None:
     assert list(signals(tmp_path / "one")) == ANALYSED
 
 
-def test_a_rotation_of_the_handle_is_an_error_of_the_vector_and_of_direction(bags: Path) -> None:
-    found = trials(load(bags)).set_index("controller")
+def test_a_rotation_of_the_handle_is_an_error_of_the_vector_and_of_direction(
+    analysis: Analysis,
+) -> None:
+    found = trials(analysis).set_index("controller")
     turned_by_10 = found.loc["constant"]
     assert turned_by_10.direction_error_deg == pytest.approx(10.0, abs=0.1)
     assert turned_by_10.nrmse_percent == pytest.approx(17.43, abs=0.1)
@@ -127,11 +139,11 @@ def test_a_rotation_of_the_handle_is_an_error_of_the_vector_and_of_direction(bag
     assert exact.nrmse_percent < 1.0  # at the ends, where the filter has no neighbours
     assert exact.force_rms_N == pytest.approx(0.1 * np.sqrt(np.mean(vibration() ** 2) * 3), 1e-6)
     assert found.loc["none"].nrmse_percent == pytest.approx(100.0)
-    assert groups(load(bags)).direction_error_deg.notna().sum() == 2
+    assert groups(analysis).direction_error_deg.notna().sum() == 2
 
 
-def test_the_power_that_one_coil_would_keep_is_that_of_its_signal(bags: Path) -> None:
-    row = trials(load(bags)).set_index("controller").loc["inverse"]
+def test_the_power_that_one_coil_would_keep_is_that_of_its_signal(analysis: Analysis) -> None:
+    row = trials(analysis).set_index("controller").loc["inverse"]
     wished = content("inverse").signals[topics.DESIRED_ACCELERATION.name]
     for name, kept in (("axis", wished[:, 2]), ("sum", wished.sum(axis=1))):
         share = 100 * np.sum(kept**2) / np.sum(wished**2)
@@ -148,8 +160,7 @@ def test_a_missing_desired_acceleration_is_made_from_all_axes_of_the_tool(tmp_pa
     assert np.array_equal(made, np.column_stack([high_passed(a, 15.0, RATE) for a in tool.T]))
 
 
-def test_the_direction_is_told_in_words_table_and_json(bags: Path) -> None:
-    analysis = load(bags)
+def test_the_direction_is_told_in_words_table_and_json(analysis: Analysis) -> None:
     (told,) = [line for line in summary(analysis) if line.startswith("Angle")]
     assert re.search(r": constant 10\.0°, inverse 0\.0°\.$", told)
     rows = {row[0]: row for row in list(tables(analysis))[1].rows}
@@ -160,8 +171,8 @@ def test_the_direction_is_told_in_words_table_and_json(bags: Path) -> None:
     assert content["trials"][1]["nrmse_y_percent"] is not None
 
 
-def test_each_axis_has_its_own_signals(bags: Path) -> None:
-    segment = load(bags).trials[1].segment
+def test_each_axis_has_its_own_signals(bags: Path, analysis: Analysis) -> None:
+    segment = analysis.trials[1].segment
     columns = list(signal_table(segment))
     assert columns[:2] == ["tool_acceleration_x_m_s2", "tool_acceleration_y_m_s2"]
     assert columns[-1] == "actual_acceleration_z_m_s2"
@@ -181,12 +192,8 @@ def test_plots_show_each_axis_and_the_planes_between(report: Path) -> None:
     assert len(pd.read_csv(report / "trials.csv")) == 4
 
 
-def test_the_page_shows_the_axis_that_is_chosen(report: Path) -> None:
-    with chromium() as browser:
-        page = browser.new_page()
-        faults: list[str] = []
-        page.on("pageerror", lambda fault: faults.append(str(fault)))
-        page.goto(f"file://{report / 'index.html'}")
+def test_the_page_shows_the_axis_that_is_chosen(browser: Browser, report: Path) -> None:
+    with opened(browser, (report / "index.html").as_uri()) as page:
         for row in page.locator("tr[data-trial] a").all():
             row.click()
             has_one_axis = row.inner_text() == "one"
@@ -197,7 +204,6 @@ def test_the_page_shows_the_axis_that_is_chosen(report: Path) -> None:
                 pictures.add(page.eval_on_selector("#force canvas", "one => one.toDataURL()"))
             assert len(pictures) == (1 if has_one_axis else 3)
             assert page.locator(".planes canvas").count() == 3
-        assert not faults
 
 
 def test_the_bound_is_that_of_the_compensators_model_in_three_axes(tmp_path: Path) -> None:

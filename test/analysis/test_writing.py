@@ -11,6 +11,7 @@ import platform
 import re
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
 import numpy as np
@@ -21,7 +22,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from bag_maker import of_trial, write_bag
-from browsing import PHONE, chromium
+from browsing import PHONE, opened
 from haptic_accel import __version__
 from haptic_accel.analysis import load
 from haptic_accel.analysis.frames import csv_text
@@ -29,6 +30,9 @@ from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.writing import PICTURES, Setting, signal_table, write_analysis
 from haptic_accel.core.trial import Trial
 from page_content import Page
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 FORMULAS = [*("=1+1", "+1+1", "-2+3", "@SUM(A1)", "\t=1", "\r=1", "\uff1d1", "-", "'=1"), ""]
 """Texts after OWASP's list of first characters."""
@@ -147,10 +151,10 @@ def test_an_average_over_some_surfaces_is_not_compared_with_the_papers(tmp_path:
     assert page.row(0, "constant")[1:3] == [DASH, "69.8"]
 
 
-def test_on_a_phone_errors_are_in_sight_and_pictures_keep_their_size(report: Path) -> None:
-    with chromium() as browser:
-        page = browser.new_page(viewport=PHONE)
-        page.goto((report / "index.html").as_uri())
+def test_on_a_phone_errors_are_in_sight_and_pictures_keep_their_size(
+    browser: Browser, report: Path
+) -> None:
+    with opened(browser, (report / "index.html").as_uri(), viewport=PHONE) as page:
         box = page.locator("#all th", has_text="NRMSE").bounding_box()
         assert box
         assert box["x"] + box["width"] <= PHONE["width"]
@@ -171,14 +175,13 @@ def test_texts_of_a_setting_stay_text(report: Path) -> None:
     assert ("commit" in told) == (Path(__file__).parents[2] / ".git").exists()
 
 
-def test_a_wide_table_is_not_cut(report: Path) -> None:
+def test_a_wide_table_is_not_cut(browser: Browser, report: Path) -> None:
     sizes = """[...document.querySelectorAll(".scroll")].map(each => [
         each.scrollWidth > each.clientWidth,
         getComputedStyle(each).overflowX,
         getComputedStyle(each).backgroundImage.includes("gradient")])"""
-    with chromium() as browser:
-        page = browser.new_page(viewport={"width": 1200, "height": 800})
-        page.goto((report / "index.html").as_uri())
+    wide = {"width": 1200, "height": 800}
+    with opened(browser, (report / "index.html").as_uri(), viewport=wide) as page:
         found = page.evaluate(sizes)
         # Hidden columns can be reached, and a shadow shows that there are some.
         assert [True, "auto", True] in found

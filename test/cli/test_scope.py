@@ -12,20 +12,16 @@ import signal
 import aiohttp
 import pytest
 
-from browsing import received
+from browsing import messages
 from running import Start, free_port, nodes_of
 
 
 async def first_frames(address: str) -> int:
     """Look as a page does until samples have come; return how many bytes."""
-    async with (
-        aiohttp.ClientSession(headers={"Origin": address.rstrip("/")}) as session,
-        session.ws_connect(f"{address}live") as live,
-    ):
-        while True:
-            message = await received(live)
-            if message.type is aiohttp.WSMsgType.BINARY and message.data[0] == 1:
-                return len(message.data)
+    async for message in messages(address):
+        if message.type is aiohttp.WSMsgType.BINARY and message.data[0] == 1:
+            return len(message.data)
+    raise AssertionError
 
 
 @pytest.mark.slow

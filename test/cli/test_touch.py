@@ -13,7 +13,7 @@ from pathlib import Path
 import aiohttp
 import pytest
 
-from browsing import received
+from browsing import messages
 from running import Start, wait_until
 
 WITHOUT_ROS = """
@@ -27,16 +27,12 @@ main(["touch", "--no-open", "--surface", "text"])
 
 async def shown(address: str, name: str = "nrmse_percent") -> dict[str, object]:
     """Look as a page does until the rig's signals have a metric; return the state."""
-    async with (
-        aiohttp.ClientSession(headers={"Origin": address.rstrip("/")}) as session,
-        session.ws_connect(f"{address}live") as live,
-    ):
-        while True:
-            message = await received(live)
-            if message.type is aiohttp.WSMsgType.TEXT:
-                state: dict[str, object] = json.loads(message.data)
-                if name in state["metrics"]:  # type: ignore[operator]
-                    return state
+    async for message in messages(address):
+        if message.type is aiohttp.WSMsgType.TEXT:
+            state: dict[str, object] = json.loads(message.data)
+            if name in state["metrics"]:  # type: ignore[operator]
+                return state
+    raise AssertionError
 
 
 @pytest.mark.quiet

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from browsing import LISTEN, Tones
+from browsing import LISTEN, Tones, opened
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
 from running import wait_until
@@ -43,15 +43,11 @@ def tones() -> Iterator[Tones]:
 def page(browser: Browser, tones: Tones) -> Iterator[Page]:
     # As a phone in the same network sees the page.
     server = ScopeServer(tones, Access("0.0.0.0"), "0.0.0.0", 0)
-    opened = browser.new_page()
-    complaints: list[str] = []
-    opened.on("pageerror", lambda error: complaints.append(str(error)))
-    opened.goto(server.start().replace("0.0.0.0", socket.gethostname()))
-    assert not opened.evaluate("isSecureContext")
-    yield opened
-    opened.close()
+    address = server.start().replace("0.0.0.0", socket.gethostname())
+    with opened(browser, address) as shown:
+        assert not shown.evaluate("isSecureContext")
+        yield shown
     server.stop()
-    assert complaints == []
 
 
 OFFLINE = """async ([arrivals, rate, contextRate, seconds]) => {

@@ -10,7 +10,7 @@ import shutil
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -42,6 +42,16 @@ FLAGS = (
     # Unlike localhost, this host name makes a page an insecure context.
     f"--host-resolver-rules=MAP {socket.gethostname()} 127.0.0.1",
 )
+
+
+async def messages(address: str) -> AsyncIterator[aiohttp.WSMessage]:
+    """Look as a page does; yield what comes, without end."""
+    async with (
+        aiohttp.ClientSession(headers={"Origin": address.rstrip("/")}) as session,
+        session.ws_connect(f"{address}live") as live,
+    ):
+        while True:
+            yield await received(live)
 
 
 async def received(live: aiohttp.ClientWebSocketResponse) -> aiohttp.WSMessage:
@@ -183,28 +193,35 @@ def chromium(sound: dict[str, str] | None = None) -> Iterator[Browser]:
 
 
 @contextmanager
-def shown(
-    browser: Browser, source: Any, act: Act | None = None, script: str = "", **options: Any
-) -> Iterator[Page]:
-    """Serve the live page and open it; an error of its scripts fails the test.
+def opened(browser: Browser, address: str, script: str = "", **options: Any) -> Iterator[Page]:
+    """Open a page; an error of its scripts fails the test.
 
     Parameters
     ----------
     script : str
         Script that runs before those of the page.
     """
-    server = ScopeServer(source, Access("127.0.0.1"), "127.0.0.1", 0, act)
-    opened = browser.new_page(**options)
+    page = browser.new_page(**options)
     complaints: list[str] = []
-    opened.on("pageerror", lambda error: complaints.append(str(error)))
-    opened.add_init_script(script)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.add_init_script(script)
     try:
-        opened.goto(server.start())
-        yield opened
+        page.goto(address)
+        yield page
     finally:
-        opened.close()
-        server.stop()
+        page.close()
     assert complaints == []
+
+
+@contextmanager
+def shown(browser: Browser, source: Any, act: Act | None = None, **options: Any) -> Iterator[Page]:
+    """Serve the live page, and open it as `opened` does."""
+    server = ScopeServer(source, Access("127.0.0.1"), "127.0.0.1", 0, act)
+    try:
+        with opened(browser, server.start(), **options) as page:
+            yield page
+    finally:
+        server.stop()
 
 
 def violations(page: Page) -> list[str]:

@@ -20,7 +20,7 @@ import aiohttp
 import pytest
 import yaml
 
-from browsing import received
+from browsing import messages
 from haptic_accel.core.process import DONE, INTERRUPTED, WRONG_ARGUMENTS
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.simulated_rig import RigParameters
@@ -123,7 +123,7 @@ def test_unknown_boards_become_a_rig_in_five_steps(
 
 
 @pytest.mark.quiet
-def test_a_bring_up_goes_on_where_it_ended(terminals: Any, tmp_path: Path) -> None:
+def test_a_bring_up_that_is_left_has_noted_its_steps(terminals: Any, tmp_path: Path) -> None:
     boards = terminals("-m", "haptic_accel.cli.main", "emulate", "serial", "folder:=boards")
     boards.wait_for("keys: ")
 
@@ -136,16 +136,6 @@ def test_a_bring_up_goes_on_where_it_ended(terminals: Any, tmp_path: Path) -> No
     with pytest.raises(KeyboardInterrupt):
         bring_up(tmp_path, Leaving(boards), PORTS)
     assert [*noted_steps(tmp_path / "rig.yaml")] == ["connect", "calibrate"]
-    asked = []
-
-    class Curious(Hands):
-        def answer(self, request: str) -> str | None:
-            asked.append(request)
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        bring_up(tmp_path, Curious(boards))
-    assert "resistor" in asked[0]
 
 
 @pytest.mark.quiet
@@ -177,22 +167,18 @@ class AtPage:
         """Answer the request that was shown."""
         asyncio.run(self._send(f"{self._number}:{text}"))
 
-    def _session(self) -> aiohttp.ClientSession:
-        return aiohttp.ClientSession(headers={"Origin": self._address.rstrip("/")})
-
     async def _look(self) -> dict[str, Any]:
-        async with self._session() as session, session.ws_connect(f"{self._address}live") as live:
-            while True:
-                message = await received(live)
-                if message.type is aiohttp.WSMsgType.TEXT:
-                    state: dict[str, Any] = json.loads(message.data)
-                    if state["asks"] and state["number"] > self._number:
-                        return state
+        async for message in messages(self._address):
+            if message.type is aiohttp.WSMsgType.TEXT:
+                state: dict[str, Any] = json.loads(message.data)
+                if state["asks"] and state["number"] > self._number:
+                    return state
+        raise AssertionError
 
     async def _send(self, value: str) -> None:
         command = {"action": "answer", "value": value}
         async with (
-            self._session() as session,
+            aiohttp.ClientSession(headers={"Origin": self._address.rstrip("/")}) as session,
             session.post(f"{self._address}command", json=command) as answer,
         ):
             assert answer.status == 200, await answer.text()

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from kits.study.participating import ENGLISH, TRIALS, Visit
 
-from browsing import LISTEN, violations
+from browsing import LISTEN, opened, violations
 from haptic_accel.kits.study.participant_page import UNSEEN, ParticipantPage
 from haptic_accel.kits.study.trials import Screen
 from haptic_accel.scope.paced_rig import PacedRig
@@ -46,13 +46,8 @@ def visit(tmp_path: Path) -> Iterator[Visit]:
 
 @pytest.fixture
 def page(browser: Browser, visit: Visit) -> Iterator[Page]:
-    opened = browser.new_page(viewport={"width": 1280, "height": 900})
-    complaints: list[str] = []
-    opened.on("pageerror", lambda error: complaints.append(str(error)))
-    opened.goto(visit.address)
-    yield opened
-    opened.close()
-    assert complaints == []
+    with opened(browser, visit.address, viewport={"width": 1280, "height": 900}) as shown:
+        yield shown
 
 
 def shows(page: Page, text: str) -> None:
