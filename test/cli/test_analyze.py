@@ -32,7 +32,7 @@ RATE = 1000.0
 GAINS = {"none": 0.0, "constant": 0.6, "inverse": 0.9}
 
 
-def content(controller: str, surface: str, seed: int = 0, seconds: float = 5.0) -> BagContent:
+def content(controller: str, surface: str, seed: int = 0, seconds: float = 3.0) -> BagContent:
     generator = np.random.default_rng([seed, len(surface)])
     desired = np.convolve(generator.normal(0, 5, round(seconds * RATE)), [1, 0, -1], "same")
     handle = GAINS[controller] * np.concatenate([[0.0], desired[:-1]])
