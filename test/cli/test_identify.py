@@ -252,6 +252,7 @@ def recording(file: Path, header: str = COLUMNS, **sweep: float) -> None:
 
 def test_a_csv_recording_has_named_columns(here: Path) -> None:
     words = ("--from", "bench.csv", "--recording-rate", "1000", "--duration", "1")
+    words += WITHOUT_FRICTION
     missing = {"force,acceleration": "actuator_force", "actuator_force,a": "handle_acceleration"}
     for header, named in missing.items():
         recording(here / "bench.csv", header)

@@ -53,13 +53,11 @@ def texts() -> Iterator[str]:
             yield from (str(node.value) for node in found)
 
 
-def test_every_command_that_is_advised_exists() -> None:
+def test_every_extra_that_is_advised_exists_and_no_command_of_ros_is() -> None:
     advised = "\n".join(texts())
-    verbs = set(re.findall(r"haptic-accel ([a-z]+)", advised))
     named = re.findall(r"haptic[-_]accel\[(.*?)\]", advised)
     extras = {word for words in named for word in words.split(",")}
-    assert len(verbs) > 10
-    assert verbs <= set(command_line.verbs)
+    assert extras
     assert extras <= set(metadata.metadata("haptic_accel").get_all("Provides-Extra", []))
     # Wheels have no such command; that which plays a bag's topics is for those who have it.
     assert "ros2 " not in advised.replace("ros2 bag", "")
@@ -114,17 +112,6 @@ def test_help_has_the_arguments_in_groups(verb: str, groups: dict[str, list[str]
         assert set(re.findall(r"^    (\w+)", found[heading], re.MULTILINE)) >= set(names)
 
 
-@pytest.mark.parametrize("verb", list(every_verb()), ids=" ".join)
-def test_help_begins_with_no_more_than_twenty_words(verb: tuple[str, ...]) -> None:
-    text = output_of(*verb, "--help")
-    _, options = text.split("\nOptions:\n")
-    first = re.findall(r"^  -", options.partition("\n\n")[0], re.MULTILINE)
-    for group in text.split("Arguments, each as key:=value:\n")[1:]:
-        own, *_ = re.split(r"\n\n(?=  \S|\S)", group.partition(":\n")[2] or group)
-        first += re.findall(r"^    ?\w+ ", own, re.MULTILINE)
-    assert 0 < len(first) <= 20
-
-
 @pytest.mark.parametrize("group", [[], ["bag"], ["texture"]])
 def test_help_is_shown_where_the_verb_is_missing(
     group: list[str], capsys: pytest.CaptureFixture[str]
@@ -165,7 +152,14 @@ def command_of(words: Sequence[str]) -> click.Command:
 
 @pytest.mark.parametrize("verb", list(every_verb()), ids=" ".join)
 def test_every_verb_explains_itself_and_its_options(verb: tuple[str, ...]) -> None:
-    assert f"Usage: haptic-accel {' '.join(verb)} " in output_of(*verb, "--help")
+    shown = output_of(*verb, "--help")
+    assert f"Usage: haptic-accel {' '.join(verb)} " in shown
+    _, options = shown.split("\nOptions:\n")
+    first = re.findall(r"^  -", options.partition("\n\n")[0], re.MULTILINE)
+    for group in shown.split("Arguments, each as key:=value:\n")[1:]:
+        own, *_ = re.split(r"\n\n(?=  \S|\S)", group.partition(":\n")[2] or group)
+        first += re.findall(r"^    ?\w+ ", own, re.MULTILINE)
+    assert 0 < len(first) <= 20, "no more words at once"
     command = command_of(verb)
     if isinstance(command, Verb) and any(isinstance(each, Words) for each in command.params):
         assert len(command.examples) == 3

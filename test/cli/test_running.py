@@ -162,8 +162,10 @@ print("ended", flush=True)
 """
 
 
-@pytest.mark.parametrize("end", [b"\x03", b"\x1c", signal.SIGTERM, signal.SIGHUP])
-@pytest.mark.parametrize("fail", [True, False])
+ENDS = b"\x03", b"\x1c", signal.SIGTERM, signal.SIGHUP
+
+
+@pytest.mark.parametrize(("end", "fail"), [(ENDS[0], True), *((each, False) for each in ENDS)])
 def test_a_key_acts_without_enter_and_the_terminal_is_restored(
     terminals: Any, end: bytes | signal.Signals, fail: bool
 ) -> None:

@@ -392,7 +392,6 @@ REFUSED_BY_NODES = {
         "controller = 'magic': must be one of none, constant, dynamic, ..."
     ),
     "compensator --ros-args -p constant.mass:=.nan": "constant.mass = nan: must be at least 0 kg",
-    "compensator --ros-args -p rate:=-1000.0": "rate = -1000.0: must be from 50 to 20000 Hz",
     "compensator --ros-args --params-file nowhere.yaml": "...'--params-file nowhere.yaml'...",
     "compensator --ros-args --params-file broken.yaml": "...'--params-file broken.yaml'...",
     "compensator --ros-args --params-file right.yaml": (

@@ -241,17 +241,12 @@ def test_the_examples_in_the_help_are_accepted(command: Verb | LazyGroup) -> Non
         check(shlex.split(example))
 
 
-def texts_of_the_program() -> Iterator[tuple[str, str]]:
-    """Yield file and text of whatever prints, or serves, what a reader may type."""
-    for pattern in ("**/*.py", "pages/**/*.j2", "pages/**/*.js"):
-        for path in sorted((SOURCE / "haptic_accel").glob(pattern)):
-            yield path.name, path.read_text()
-
-
 def test_every_verb_that_the_program_names_exists() -> None:
-    for name, text in texts_of_the_program():
-        for verb, kind in re.findall(r"haptic-accel ([a-z]+)(?: ([a-z][a-z-]*))?", text):
-            assert verb in command_line.verbs, (name, verb)
+    patterns = ("**/*.py", "pages/**/*.j2", "pages/**/*.js")
+    for path in (path for each in patterns for path in (SOURCE / "haptic_accel").glob(each)):
+        named = re.findall(r"haptic-accel ([a-z]+)(?: ([a-z][a-z-]*))?", path.read_text())
+        for verb, kind in named:
+            assert verb in command_line.verbs, (path, verb)
             below = command_line.groups
             assert not (kind and verb in below) or kind in below[verb].verbs
 

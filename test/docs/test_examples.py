@@ -23,18 +23,12 @@ def script(request: pytest.FixtureRequest) -> str:
     return str(request.param.read_text(encoding="utf-8"))
 
 
-def test_an_example_is_short(script: str) -> None:
+def test_an_example_is_short_with_title_introduction_cells_and_labelled_axes(script: str) -> None:
     assert len(script.splitlines()) <= LONGEST
-
-
-def test_an_example_has_a_title_an_introduction_and_cells(script: str) -> None:
     title, line, _, *introduction = (ast.get_docstring(ast.parse(script)) or "").splitlines()
     assert line == "=" * len(title)
     assert introduction
     assert script.count("\n# %%\n# ") >= 2
-
-
-def test_an_example_draws_labelled_axes_and_shows_them_at_its_end(script: str) -> None:
     assert "label=" in script or ".plot(axes)" in script
     assert script.endswith("\npyplot.show()\n")
 
