@@ -22,13 +22,7 @@ from haptic_accel.devices.can.arm import DrivenArm, State
 from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.devices.can.protocol import Frame
 from haptic_accel.devices.interface import Device
-from haptic_accel.kits.emulators.can_line import (
-    EmulatedArm,
-    EmulatedAxis,
-    SlcanAdapter,
-    frame_line,
-    parse_frame_line,
-)
+from haptic_accel.kits.emulators import can_line
 
 ids = st.integers(0, 0x7FF)
 frames = st.builds(Frame, ids, st.binary(max_size=8), remote=st.just(False)) | st.builds(
@@ -38,20 +32,20 @@ frames = st.builds(Frame, ids, st.binary(max_size=8), remote=st.just(False)) | s
 
 @given(frames)
 def test_a_frame_comes_back(frame: Frame) -> None:
-    line = frame_line(frame)
+    line = can_line.frame_line(frame)
     assert line.endswith(b"\r")
-    assert parse_frame_line(line[:-1]) == frame
+    assert can_line.parse_frame_line(line[:-1]) == frame
 
 
 def test_lines_are_those_of_the_manual() -> None:
     frame = Frame(0x100, bytes.fromhex("0011223344556677"))
-    assert frame_line(frame) == b"t10080011223344556677\r"
-    assert frame_line(Frame(0x7, b"", remote=True)) == b"r0070\r"
+    assert can_line.frame_line(frame) == b"t10080011223344556677\r"
+    assert can_line.frame_line(Frame(0x7, b"", remote=True)) == b"r0070\r"
 
 
 @given(st.binary(max_size=40))
 def test_no_line_is_too_strange(line: bytes) -> None:
-    frame = parse_frame_line(line)
+    frame = can_line.parse_frame_line(line)
     if frame is not None:
         assert 0 <= frame.id <= 0x7FF
         assert len(frame.data) <= 8
@@ -61,25 +55,25 @@ def test_no_line_is_too_strange(line: bytes) -> None:
 def test_frames_are_found_after_any_bytes_however_cut(
     garbage: list[bytes], wanted: list[Frame]
 ) -> None:
-    adapter = SlcanAdapter()
+    adapter = can_line.SlcanAdapter()
     for piece in garbage:
         adapter.receive(piece)
     adapter.receive(b"\rO\r")
-    stream = b"".join(map(frame_line, wanted))
+    stream = b"".join(map(can_line.frame_line, wanted))
     found = [frame for byte in stream for frame in adapter.receive(bytes([byte]))[0]]
     assert found == wanted
 
 
 def test_frames_pass_only_while_it_is_open() -> None:
-    adapter = SlcanAdapter()
-    line = frame_line(Frame(0x21))
+    adapter = can_line.SlcanAdapter()
+    line = can_line.frame_line(Frame(0x21))
     assert adapter.receive(line) == ([], b"\a")
     assert adapter.receive(b"S8\rO\r" + line) == ([Frame(0x21)], b"\r\r\r")
     assert adapter.receive(b"C\r" + line) == ([], b"\r\a")
 
 
 def test_it_says_who_it_is() -> None:
-    assert SlcanAdapter().receive(b"V\rN\rF\r?\r")[1] == b"V1013\rNHAPT\rF00\r\a"
+    assert can_line.SlcanAdapter().receive(b"V\rN\rF\r?\r")[1] == b"V1013\rNHAPT\rF00\r\a"
 
 
 RATE = 500.0
@@ -87,7 +81,7 @@ PERIOD = 1 / RATE
 CLOSED = protocol.AxisState.CLOSED_LOOP_CONTROL
 
 
-def obey(axis: EmulatedAxis, *orders: protocol.Message, now: float = 0.0) -> None:
+def obey(axis: can_line.EmulatedAxis, *orders: protocol.Message, now: float = 0.0) -> None:
     """Let an axis execute orders as they arrive by the bus."""
     for order in orders:
         found = protocol.parse_order(order.frame())
@@ -95,17 +89,17 @@ def obey(axis: EmulatedAxis, *orders: protocol.Message, now: float = 0.0) -> Non
         axis.execute(found, now)
 
 
-def axis(watchdog: float = 0.0) -> EmulatedAxis:
-    return EmulatedAxis(1, 0.01, watchdog, "0.6")
+def axis(watchdog: float = 0.0) -> can_line.EmulatedAxis:
+    return can_line.EmulatedAxis(1, 0.01, watchdog, "0.6")
 
 
-def armed(watchdog: float = 0.0) -> EmulatedAxis:
+def armed(watchdog: float = 0.0) -> can_line.EmulatedAxis:
     found = axis(watchdog)
     obey(found, protocol.SetMode(1), protocol.SetState(1, CLOSED), protocol.SetTorque(1, 0.5))
     return found
 
 
-def heartbeat(of: EmulatedAxis, now: float) -> protocol.Heartbeat:
+def heartbeat(of: can_line.EmulatedAxis, now: float) -> protocol.Heartbeat:
     reports = map(protocol.parse_report, of.due(now))
     (beat,) = (each for each in reports if isinstance(each, protocol.Heartbeat))
     return beat
@@ -172,7 +166,7 @@ def new_master() -> Device:
 @given(st.lists(any_frames, max_size=30))
 @settings(max_examples=25)
 def test_no_frame_is_too_strange_for_an_emulated_arm(noise: list[protocol.Frame]) -> None:
-    arm = EmulatedArm(CanParameters(), new_slave(), rate=RATE, watchdog=0.1)
+    arm = can_line.EmulatedArm(CanParameters(), new_slave(), rate=RATE, watchdog=0.1)
     for step, frame in enumerate(noise):
         arm.receive(frame, step * PERIOD)
         arm.due(step * PERIOD)
@@ -185,7 +179,9 @@ class Rigged:
         names = {name.replace("__", "."): value for name, value in values.items()}
         parameters = from_flat(CanParameters, names)
         self.now = 0.0
-        self.emulated = EmulatedArm(parameters, new_device(), rate=RATE, watchdog=0.05, seed=seed)
+        self.emulated = can_line.EmulatedArm(
+            parameters, new_device(), rate=RATE, watchdog=0.05, seed=seed
+        )
         self.arm = DrivenArm(parameters, self._send)
 
     def _send(self, frames: Sequence[protocol.Frame]) -> bool:

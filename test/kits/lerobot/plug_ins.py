@@ -9,7 +9,7 @@ import importlib
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +60,16 @@ def plug_ins() -> Iterator[PlugIns]:
 def _forget() -> None:
     for name in [name for name in sys.modules if name.partition(".")[0] in OWN]:
         del sys.modules[name]
+
+
+@contextmanager
+def connected(*devices: Any) -> Iterator[None]:
+    """Connect leaders or followers, and disconnect them."""
+    with ExitStack() as stack:
+        for device in devices:
+            device.connect()
+            stack.callback(device.disconnect)
+        yield
 
 
 def children(program: str) -> list[int]:

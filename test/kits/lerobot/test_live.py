@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kits.lerobot.plug_ins import PlugIns, child, plug_ins
+from kits.lerobot.plug_ins import PlugIns, child, connected, plug_ins
 
 from haptic_accel.devices import DeviceError
 from running import wait_until
@@ -78,20 +78,14 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
 def test_the_handle_moves_as_the_gripper_does_while_the_leader_is_connected(bench: Bench) -> None:
     leader = bench.built.leader(bench.words)
     follower = bench.built.follower(bench.words)
-    follower.connect()
-    try:
+    with connected(follower):
         still = bench.moved()
         samples = [follower.vibration() for _ in range(20) if bench.moved(0.05)]
         assert np.std(samples) == pytest.approx(TEXTURE, rel=0.2)
-        leader.connect()
-        try:
+        with connected(leader):
             moving = bench.moved(leader=leader)
             assert leader.get_action() == {"joint.pos": 0.25}
-        finally:
-            leader.disconnect()
         wait_until(lambda: bench.moved(0.2) < 0.1 * moving, "silence")
-    finally:
-        follower.disconnect()
     assert moving == pytest.approx(TEXTURE, rel=0.3)
     assert still < 0.1 * moving
 
@@ -113,12 +107,9 @@ def test_a_leader_goes_on_when_its_card_is_lost(
     bench: Bench, caplog: pytest.LogCaptureFixture
 ) -> None:
     leader = bench.built.leader(bench.words)
-    leader.connect()
-    try:
+    with connected(leader):
         caplog.clear()
         os.kill(child("jackd"), signal.SIGTERM)
         wait_until(lambda: leader.get_action() and caplog.records, "warning")
         assert leader.get_action() == {"joint.pos": 0.25}
-    finally:
-        leader.disconnect()
     assert caplog.text.count("the arms go on without vibration") == 1

@@ -15,7 +15,7 @@ from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
-from kits.lerobot.plug_ins import PlugIns, child, children, plug_ins
+from kits.lerobot.plug_ins import PlugIns, child, children, connected, plug_ins
 
 from haptic_accel.devices import DeviceError
 from haptic_accel.kits import lerobot
@@ -59,13 +59,10 @@ def test_a_follower_is_built_by_its_name_and_passes_everything_through(built: Pl
     assert (follower.name, follower.id) == ("haptic_accel", "felt")
     assert follower.action_features == {"joint.pos": float}
     assert len(follower.cameras) == 0
-    follower.connect()
-    try:
+    with connected(follower):
         assert follower.is_connected
         assert follower.get_observation()["joint.pos"] == 0.5
         assert follower.send_action({"joint.pos": 0.1}) == {"joint.pos": 0.75}
-    finally:
-        follower.disconnect()
     assert follower.calls == [("connect", True), {"joint.pos": 0.1}, "disconnect"]
 
 
@@ -82,33 +79,26 @@ def test_motors_without_their_package_are_refused_in_one_line(
         getattr(built, arm)()
 
 
-@pytest.mark.parametrize(("fps", "size"), [(30, 32), (60, 16), (24, 40)])
-def test_features_are_those_of_observations_and_known_before(
-    built: PlugIns, fps: int, size: int
-) -> None:
-    follower = built.follower(fps=fps)
-    features = follower.observation_features
-    keys = [f"vibration.z.{each}" for each in range(size)]
-    assert list(features) == ["joint.pos", *keys, "vibration.valid"]
-    assert set(features.values()) == {float}
-    follower.connect()
-    try:
-        observed = follower.get_observation()
-    finally:
-        follower.disconnect()
-    assert list(observed) == list(features)
-    assert {type(value) for value in observed.values()} == {float}
+def test_features_are_those_of_observations_and_known_before(built: PlugIns) -> None:
+    sizes = {30: 32, 60: 16, 24: 40}
+    followers = [built.follower(fps=fps) for fps in sizes]
+    known = [follower.observation_features for follower in followers]
+    with connected(*followers):  # which share one fast path
+        observations = [follower.get_observation() for follower in followers]
+    for size, features, observed in zip(sizes.values(), known, observations, strict=True):
+        keys = [f"vibration.z.{each}" for each in range(size)]
+        assert list(features) == ["joint.pos", *keys, "vibration.valid"]
+        assert set(features.values()) == {float}
+        assert list(observed) == list(features)
+        assert {type(value) for value in observed.values()} == {float}
 
 
 def test_three_axes_follow_each_other(built: PlugIns) -> None:
     follower = built.follower("reduction:=sum")
     keys = [key for key in follower.observation_features if key.startswith("vibration")]
     assert [keys[0], keys[32], keys[95]] == ["vibration.x.0", "vibration.y.0", "vibration.z.31"]
-    follower.connect()
-    try:
+    with connected(follower):
         assert follower.vibration().shape == (32, 3)
-    finally:
-        follower.disconnect()
 
 
 def test_a_follower_observes_what_the_leaders_fast_path_measures(built: PlugIns) -> None:
@@ -132,8 +122,7 @@ def test_a_follower_whose_fast_path_ends_observes_silence_and_tells_it_once(
     built: PlugIns, caplog: pytest.LogCaptureFixture
 ) -> None:
     follower = built.follower()
-    follower.connect()
-    try:
+    with connected(follower):
         observed = follower.get_observation()
         assert (np.any(window(observed)), observed["vibration.valid"]) == (True, 1.0)
         process = child("felt_loop")
@@ -142,8 +131,6 @@ def test_a_follower_whose_fast_path_ends_observes_silence_and_tells_it_once(
         wait_until(lambda: not any(window(follower.get_observation())), "silence")
         observed = follower.get_observation()
         assert (observed["joint.pos"], observed["vibration.valid"]) == (0.5, 0.0)
-    finally:
-        follower.disconnect()
     assert caplog.text.count("the arms go on without vibration") == 1
 
 
@@ -187,8 +174,7 @@ def test_a_leader_goes_on_without_its_fast_path_and_tells_it_once(
     built: PlugIns, caplog: pytest.LogCaptureFixture
 ) -> None:
     leader = built.leader()
-    leader.connect()
-    try:
+    with connected(leader):
         process = child("felt_loop")
         caplog.clear()
         os.kill(process, signal.SIGKILL)
@@ -196,8 +182,6 @@ def test_a_leader_goes_on_without_its_fast_path_and_tells_it_once(
         for _ in range(5):
             assert leader.get_action() == {"joint.pos": 0.25}
         assert leader.is_connected
-    finally:
-        leader.disconnect()
     told = [each.getMessage() for each in caplog.records if each.levelno >= logging.WARNING]
     assert told == ["fast path: ended with status -9; the arms go on without vibration"]
     assert leader.calls[-1] == "disconnect"

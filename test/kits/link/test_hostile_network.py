@@ -15,22 +15,14 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from haptic_accel.core.axes import along_actuator
-from haptic_accel.core.network.endpoint import (
-    LIFETIME,
-    MOST_SAMPLES,
-    RENEW_AFTER,
-    Endpoint,
-    Motion,
-    State,
-    unpack,
-)
+from haptic_accel.core.network import endpoint
 from haptic_accel.kits.link.authentication import KEY_LENGTH, Authenticator
 
 RATE = 1000.0
 TICK = 0.01
 """Time between packets here, s: ten times the real one, so that more happens in a case."""
 
-MEETING = RENEW_AFTER + LIFETIME + 1.0
+MEETING = endpoint.RENEW_AFTER + endpoint.LIFETIME + 1.0
 """Time in which both ends must have found each other once nobody interferes, s."""
 
 KEY, WRONG = b"k" * KEY_LENGTH, b"w" * KEY_LENGTH
@@ -48,7 +40,9 @@ LIES = st.fixed_dictionaries(
         **dict.fromkeys(("position", "velocity"), VECTOR),
         "shipped": REAL,
         "rate": st.floats(1e-300, 1e300),
-        "samples": st.lists(st.floats(-1e6, 1e6, width=32), max_size=MOST_SAMPLES).map(tuple),
+        "samples": st.lists(st.floats(-1e6, 1e6, width=32), max_size=endpoint.MOST_SAMPLES).map(
+            tuple
+        ),
     },
 )
 
@@ -67,7 +61,7 @@ class Network(RuleBasedStateMachine):
         self.ahead = {"master": 0, "slave": 0}
         self.drift = 0.0
         self.seals = {side: Authenticator(KEY, side) for side in OTHER}
-        self.ends: dict[str, Endpoint] = {}
+        self.ends: dict[str, endpoint.Endpoint] = {}
         self.record: dict[str, list[bytes]] = {side: [] for side in OTHER}
         self.honest: set[bytes] = set()
         self.admitted: set[tuple[int, int, int]] = set()
@@ -82,7 +76,7 @@ class Network(RuleBasedStateMachine):
     @rule(side=SIDE)
     def start(self, side: str) -> None:
         """Start the half of a host, or start it again."""
-        self.ends[side] = Endpoint(side, RATE, secrets.randbits(64) or 1)
+        self.ends[side] = endpoint.Endpoint(side, RATE, secrets.randbits(64) or 1)
 
     @rule(ticks=st.integers(1, 80))
     def pass_time(self, ticks: int, lost: bool = False, held: bool = False) -> None:
@@ -92,7 +86,9 @@ class Network(RuleBasedStateMachine):
             for side, end in self.ends.items():
                 system = self.system(side)
                 end.sampled(system, along_actuator(1.0))
-                data = end.outgoing(State(True), Motion(system), self.now, self.now, system)
+                data = end.outgoing(
+                    endpoint.State(True), endpoint.Motion(system), self.now, self.now, system
+                )
                 assert data
                 tagged = self.seals[side].tagged(data)
                 self.honest.add(data)
@@ -154,7 +150,7 @@ class Network(RuleBasedStateMachine):
     @rule(side=SIDE, values=LIES, key=st.sampled_from([b"", WRONG]))
     def forge(self, side: str, values: dict[str, Any], key: bytes) -> None:
         """Send what would come next, of the session that was read, without the key."""
-        packet = unpack(self.newest(side)[:-16])
+        packet = endpoint.unpack(self.newest(side)[:-16])
         wrong = packet._replace(**{"sequence": packet.sequence + 1, **values}).pack()
         self.attack(side, Authenticator(key, OTHER[side]).tagged(wrong))
         self.attack(side, wrong + self.newest(side)[-16:])
@@ -162,7 +158,7 @@ class Network(RuleBasedStateMachine):
     @rule(side=SIDE, values=LIES)
     def lie(self, side: str, values: dict[str, Any]) -> None:
         """Let the peer itself, by a fault, send a packet that is wrong wherever it can be."""
-        packet = unpack(self.newest(side)[:-16])
+        packet = endpoint.unpack(self.newest(side)[:-16])
         wrong = packet._replace(**{"sequence": packet.sequence + 1, **values}).pack()
         self.honest.add(wrong)
         self.deliver(side, self.seals[OTHER[side]].tagged(wrong))
@@ -190,7 +186,7 @@ class Network(RuleBasedStateMachine):
         own, before = session.own, session.received + session.out_of_order
         end.incoming(datagram, self.now, self.system(side))
         if session.received + session.out_of_order > before:
-            packet = unpack(datagram)
+            packet = endpoint.unpack(datagram)
             assert packet.side != side
             assert packet.echo_session == own, "a packet that is not fresh was used"
             once = own, packet.session, packet.sequence

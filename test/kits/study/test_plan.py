@@ -59,24 +59,21 @@ def _kinds(plan: Plan) -> list[str]:
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS.values(), ids=PROTOCOLS)
-def test_a_session_has_no_more_trials_than_planned(protocol: Protocol) -> None:
+def test_a_session_has_no_more_trials_than_planned_and_progress_grows_from_0_to_1(
+    protocol: Protocol,
+) -> None:
     plan = Plan(protocol, 1, 0)
-    records = list(run(plan, asking(SimulatedParticipant(protocol, 1))))
+    shares, records = [plan.progress], []
+    for each in run(plan, asking(SimulatedParticipant(protocol, 1))):
+        records.append(each)
+        shares.append(plan.progress)
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, pytest.approx(1.0))
     assert [each.trial.number for each in records] == list(range(len(records)))
     assert len(records) <= plan.trials
     if protocol.procedure.kind != "staircase":
         assert len(records) == plan.trials
     assert all(each.correct in (True, False) for each in records if each.trial.right)
-
-
-@pytest.mark.parametrize("protocol", PROTOCOLS.values(), ids=PROTOCOLS)
-def test_progress_grows_from_0_to_1(protocol: Protocol) -> None:
-    plan = Plan(protocol, 1, 0)
-    shares = [plan.progress]
-    for _ in run(plan, always_right):
-        shares.append(plan.progress)
-    assert shares == sorted(shares)
-    assert (shares[0], shares[-1]) == (0.0, pytest.approx(1.0))
 
 
 @settings(deadline=None, max_examples=60)

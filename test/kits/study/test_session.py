@@ -64,7 +64,9 @@ def timeless(session: trials.SessionRecord) -> trials.SessionRecord:
     return replace(session, begun=0, records=records, exposure=round(session.exposure, 9))
 
 
-def test_a_session_goes_from_consent_to_its_end(study: Study) -> None:
+def test_a_session_goes_from_consent_to_its_end_with_the_texts_of_its_protocol(
+    study: Study,
+) -> None:
     participant = Scripted(study)
     session = run_session(study, study.begin("P01"), participant)
     assert session.ended == trials.COMPLETE
@@ -76,11 +78,6 @@ def test_a_session_goes_from_consent_to_its_end(study: Study) -> None:
     practice, block = [*trial, "feedback"], trial * 5
     begin = ["consent", "instructions", "ready", *practice, *practice, "ready"]
     assert participant.kinds == [*begin, *block, "break", *block, "break", *trial * 2, "end"]
-
-
-def test_screens_say_what_the_protocol_says(study: Study) -> None:
-    participant = Scripted(study)
-    run_session(study, study.begin("P01"), participant)
     (consent,), (instructions,) = participant.of("consent"), participant.of("instructions")
     assert (consent.text, consent.answers) == ("I agree to take part.", ("agree", "disagree"))
     assert instructions.text == "Stroke the surface."

@@ -66,12 +66,6 @@ def test_no_factor_has_the_name_of_another_column() -> None:
     assert not set(FACTORS) & set(COLUMNS)
 
 
-def test_a_session_that_was_stopped_is_excluded() -> None:
-    stopped = replace(complete(), ended="stopped by the participant")
-    why = "session not complete (stopped by the participant)"
-    assert exclusions(STUDY, [stopped, complete("P02")]) == {"P01": why}
-
-
 def test_wrong_catch_trials_exclude() -> None:
     found = complete()
     *others, last = found.records

@@ -147,20 +147,12 @@ def test_a_glitch_of_the_force_sensor_does_not_change_the_model(
     assert np.array_equal(good.forces, bad.forces)
 
 
-def test_what_is_rendered_is_read_again_with_the_models_rms(tmp_path: Path) -> None:
-    words = ("plywood", "--speed", "110", "--force", "1", "--out", "ply.wav", "--seconds", "4")
-    assert status_of("texture", "render", *words) == 0
-    sound = read_recording(tmp_path / "ply.wav", 0.0, RATE)
-    assert len(sound) == 4 * RATE
-    frequency = np.linspace(0.0, RATE / 2, 2048)
-    power = read_texture(SHIPPED / "plywood.yaml").spectrum(0.11, 1.0, frequency)
-    assert sound.std() == pytest.approx(np.sqrt(power.mean() * RATE / 2), rel=0.2)
-
-
 def test_silence_is_rendered_as_silence(tmp_path: Path) -> None:
     words = ("plywood", "--speed", "0", "--force", "1", "--out", "ply.wav", "--seconds", "2")
     assert status_of("texture", "render", *words) == 0
-    assert not read_recording(tmp_path / "ply.wav", 0.0, RATE).any()
+    sound = read_recording(tmp_path / "ply.wav", 0.0, RATE)
+    assert len(sound) == 2 * RATE
+    assert not sound.any()
 
 
 def test_a_model_is_shown(tmp_path: Path) -> None:

@@ -15,19 +15,12 @@ import pytest
 
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import from_flat
+from haptic_accel.devices.serial import protocol
 from haptic_accel.devices.serial.device import SerialDevice, SerialMaster
-from haptic_accel.devices.serial.protocol import (
-    ONE_COIL,
-    VERSION,
-    Decoder,
-    FrameType,
-    Identity,
-    encode,
-)
 from haptic_accel.kits.emulators.pseudo_terminal import run
 from haptic_accel.kits.emulators.serial_line import Board, EmulatedBoard, SerialLines
 
-HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle-1")
+HANDLE = protocol.Identity((1, 2, 3), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle-1")
 
 
 class Bench:
@@ -42,7 +35,7 @@ class Bench:
         Times in s at which a current changed, and the current along z from then on, A.
     """
 
-    def __init__(self, link: Path, identity: Identity, drift: float) -> None:
+    def __init__(self, link: Path, identity: protocol.Identity, drift: float) -> None:
         self.measure: Callable[[float], float] = lambda time: 0.0
         across = 1.0, 2.0
         self.driven: list[tuple[float, float]] = []
@@ -83,7 +76,9 @@ def bench(tmp_path: Path) -> Iterator[Callable[..., Bench]]:
     """Make boards that end with the test."""
     made: list[Bench] = []
 
-    def make(identity: Identity = HANDLE, name: str = "port", drift: float = 0.0) -> Bench:
+    def make(
+        identity: protocol.Identity = HANDLE, name: str = "port", drift: float = 0.0
+    ) -> Bench:
         made.append(Bench(tmp_path / name, identity, drift))
         return made[-1]
 
@@ -95,22 +90,22 @@ def bench(tmp_path: Path) -> Iterator[Callable[..., Bench]]:
 class OlderBoard(Board):
     """A board that speaks protocol 2, and refuses a frame of protocol 3 as its firmware does."""
 
-    def __init__(self, identity: Identity, send: Callable[[bytes], bool]) -> None:
+    def __init__(self, identity: protocol.Identity, send: Callable[[bytes], bool]) -> None:
         super().__init__(identity, lambda wire: send(self._older(wire)))
-        self._heard = Decoder()
+        self._heard = protocol.Decoder()
 
     def receive(self, data: bytes, now: int) -> None:
         for frame in self._heard.feed(data):
             # The refusal of a version is the same in both.
-            version = VERSION if frame.version == ONE_COIL else ONE_COIL
-            super().receive(encode(frame._replace(version=version)), now)
+            version = protocol.VERSION if frame.version == protocol.ONE_COIL else protocol.ONE_COIL
+            super().receive(protocol.encode(frame._replace(version=version)), now)
 
     def _older(self, wire: bytes) -> bytes:
-        (frame,) = Decoder().feed(wire)
+        (frame,) = protocol.Decoder().feed(wire)
         payload = frame.payload
-        if frame.type == FrameType.IDENTITY:
+        if frame.type == protocol.FrameType.IDENTITY:
             payload = payload[:10] + payload[18:]  # the current of the coil along z only
-        return encode(frame._replace(version=ONE_COIL, payload=payload))
+        return protocol.encode(frame._replace(version=protocol.ONE_COIL, payload=payload))
 
 
 @pytest.fixture
