@@ -1,14 +1,15 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulated master against the transfer function, energy, and its own limits."""
+"""The simulated master with one coil and with three: mechanics, energy, and its own limits."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import pairwise, zip_longest
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
-from haptic_accel.core.handle.response import sampled_response
+from haptic_accel.core.handle.response import cross_coupling, sampled_response
+from haptic_accel.core.handle.three_axis import (
+    GYRATION_RADIUS,
+    BodyParameters,
+    CoilMounting,
+    SensorMounts,
+    mass_matrix,
+)
 from haptic_accel.core.model import (
     POSTURES,
     AccelerometerParameters,
@@ -27,37 +35,84 @@ from haptic_accel.core.model import (
     Vector,
     held,
 )
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import (
     DriveParameters,
     ExplorationParameters,
     MasterRig,
     MasterRigParameters,
+    ThreeAxisRig,
 )
+from haptic_accel.core.rig.master_rig import SimulatedMasterParameters as Parameters
 from haptic_accel.core.tick.rigs import LONGEST_ADVANCE
 
 RATE = 1000.0
 PERIOD = 1 / RATE
 
-STILL = MasterRigParameters(
-    exploration=ExplorationParameters(
-        height=0.0, press_depth=0.0, stroke_speed=0.0, stroke_length=0.001, strokes=1
-    )
+RESTING = ExplorationParameters(
+    height=0.0, press_depth=0.0, stroke_speed=0.0, stroke_length=0.001, strokes=1
 )
+STILL, STILL_THREE = MasterRigParameters(exploration=RESTING), Parameters(exploration=RESTING)
+AVERAGE = GripParameters()
+
+Rig = MasterRig | ThreeAxisRig
+Build = Callable[..., Rig]
+
+TABLE_I = HandleParameters()
+CENTRED = BodyParameters(sensor_x=0.0, sensor_y=0.0, sensor_z=0.0)
+LOSSLESS = replace(TABLE_I, b_s=0.0, b_u=0.0)
 
 few = settings(deadline=None, max_examples=20)
 
 
-def run(rig: MasterRig, first: int, last: int) -> list[float]:
+class Straight(Parameters):
+    """A handle whose coils lie along the axes, through the centre of mass."""
+
+    coils = CoilMounting(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture
+def ideal(ideal_master: MasterRigParameters) -> Parameters:
+    """Return the default handle with ideal instruments and a hand at rest."""
+    same = ("drive", "accelerometer", "arm", "exploration")
+    return Parameters(**{name: getattr(ideal_master, name) for name in same})
+
+
+@pytest.fixture(params=["one coil", "three coils"])
+def build(
+    request: pytest.FixtureRequest, ideal_master: MasterRigParameters, ideal: Parameters
+) -> Build:
+    """Build ideal rigs with one coil, or with three, held in some way by a hand."""
+
+    def built(grip: GripParameters = AVERAGE, hand: ExplorationParameters = RESTING) -> Rig:
+        if request.param == "one coil":
+            return MasterRig(replace(ideal_master, grip=grip, exploration=hand), RATE)
+        return ThreeAxisRig(replace(ideal, grip=grip, exploration=hand), RATE)
+
+    return built
+
+
+def coils(rig: Rig, force: Vector) -> Vector:
+    """Return the components of a vector along the coils of a rig."""
+    return force if isinstance(rig, ThreeAxisRig) else along_actuator(force[ACTUATOR_AXIS])
+
+
+def travel(rig: Rig) -> Vector:
+    """Return the travel of each coil, m."""
+    return rig.travel if isinstance(rig, ThreeAxisRig) else along_actuator(rig.travel)
+
+
+def run(rig: Rig, first: int, last: int, rate: float = RATE) -> list[float]:
     """Let samples pass, return the energy at each, J."""
     energies = []
     for index in range(first, last):
-        rig.advance(index * PERIOD)
+        rig.advance(index / rate)
         energies.append(rig.energy())
     return energies
 
 
 def accelerations(
-    rig: MasterRig, ticks: Iterable[int], rate: float = RATE, forces: Iterable[float] = ()
+    rig: Rig, ticks: Iterable[int], rate: float = RATE, forces: Iterable[float] = ()
 ) -> list[float]:
     """Return what the accelerometer reads at ticks, after each of which a force may follow."""
     found = []
@@ -156,43 +211,6 @@ def test_swapped_wires_push_the_other_way(ideal_master: MasterRigParameters) -> 
     assert moved[2] == pytest.approx(-moved[0])
 
 
-def test_another_mount_changes_the_ringing_and_nothing_jumps(
-    ideal_master: MasterRigParameters,
-) -> None:
-    rig = MasterRig(replace(ideal_master, mount=MountParameters(100.0, 0.01)), RATE)
-    rig.disturb(handle_velocity=0.1)
-    rig.advance(0.05)
-    before, travel = rig.measure().acceleration[ACTUATOR_AXIS], rig.travel
-    rig.change_mount(MountParameters(200.0, 0.01))
-    assert rig.measure().acceleration[ACTUATOR_AXIS] == before
-    assert rig.travel == travel
-    rung = accelerations(rig, range(51, 551))
-    assert np.argmax(np.abs(np.fft.rfft(rung))) * RATE / len(rung) == pytest.approx(200.0, abs=4.0)
-
-
-def test_a_constant_force_is_held_by_the_centring_spring(
-    ideal_master: MasterRigParameters,
-) -> None:
-    rig = MasterRig(ideal_master, RATE)
-    rig.apply_actuator_force(along_actuator(0.5))
-    run(rig, 0, 2000)
-    assert rig.travel == pytest.approx(-0.5 / 266.0)
-    assert rig.measure().position[2] == pytest.approx(0.0, abs=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("force", "held_force"),
-    [((0.3, 5.0, -0.6), (0.3, 0.0, -0.6)), ((-1e6, 0.0, math.inf), (-3.3, 0.0, 3.3))],
-)
-def test_the_arm_s_force_within_its_limit_is_held_by_the_grip(
-    ideal_master: MasterRigParameters, force: Vector, held_force: Vector
-) -> None:
-    rig = MasterRig(ideal_master, RATE)
-    rig.apply_arm_force(force)
-    run(rig, 0, 3000)
-    assert np.multiply(rig.measure().position, 1500.0) == pytest.approx(held_force)
-
-
 @few
 @given(st.lists(st.floats(0.0, 1.0), max_size=5))
 def test_how_often_it_is_looked_at_does_not_matter(parts: list[float]) -> None:
@@ -208,6 +226,139 @@ def test_how_often_it_is_looked_at_does_not_matter(parts: list[float]) -> None:
         one, other = once.measure(), often.measure()
         assert other.velocity == pytest.approx(one.velocity, abs=1e-12)
         assert other.acceleration[ACTUATOR_AXIS] == one.acceleration[ACTUATOR_AXIS]
+
+
+# With one coil and with three
+
+
+def test_another_mount_changes_nothing_at_once_and_then_rings(build: Build) -> None:
+    rig = build()
+    rig.change_mount(MountParameters(100.0, 0.5))
+    rig.apply_actuator_force((1.0, -0.5, 0.7))
+    rig.advance(0.05)
+    before, travelled = rig.measure(), travel(rig)
+    rig.change_mount(MountParameters(200.0, 0.01))
+    assert (rig.measure(), travel(rig)) == (before, travelled)
+    rig.apply_actuator_force((0.0, 0.0, 0.0))
+    rung = []
+    for index in range(51, 551):
+        rig.advance(index * PERIOD)
+        rung.append(coils(rig, rig.measure().acceleration))
+    peaks = np.argmax(np.abs(np.fft.rfft(rung, axis=0)), axis=0) * RATE / len(rung)
+    assert peaks == pytest.approx(coils(rig, (200.0, 200.0, 200.0)), abs=4.0)
+    assert np.abs(rung).max() < 20.0  # 1 N on 0.128 kg, rung up to twice
+
+
+def test_constant_forces_are_held_by_the_coils_own_springs(build: Build) -> None:
+    rig = build()
+    force = coils(rig, (0.5, -0.3, 0.2))
+    rig.apply_actuator_force(force)
+    run(rig, 0, 3000)
+    assert travel(rig) == pytest.approx(np.divide(force, -266.0))
+    assert rig.measure().position == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("force", "held_force"),
+    [((0.3, -0.9, -0.6), (0.3, -0.9, -0.6)), ((-1e6, 100.0, math.inf), (-3.3, 3.3, 3.3))],
+)
+def test_the_arm_s_force_within_its_limit_is_held_by_the_grip(
+    build: Build, force: Vector, held_force: Vector
+) -> None:
+    rig = build()
+    rig.apply_arm_force(force)
+    run(rig, 0, 3000)
+    x, y, z = held_force
+    expected = (x, y if isinstance(rig, ThreeAxisRig) else 0.0, z)
+    assert np.multiply(rig.measure().position, 1500.0) == pytest.approx(expected)
+
+
+def test_a_handle_held_against_gravity_is_at_rest_and_its_sensor_tells_gravity(
+    build: Build,
+) -> None:
+    rig = build(GripParameters(gravity=6.9))
+    rig.change_mount(MountParameters(280.0, 0.1))
+    rig.apply_arm_force((0.0, 0.0, 0.0))
+    start, before = rig.measure().position, travel(rig)
+    assert start[2] == pytest.approx(-0.146 * 6.9 / 1500.0)
+    along = CoilMounting().directions[2, 2] if isinstance(rig, ThreeAxisRig) else 1.0
+    assert before[2] == pytest.approx(-0.018 * 6.9 * along / 266)
+    assert accelerations(rig, range(200)) == pytest.approx([6.9] * 200, abs=1e-6)
+    assert rig.measure().acceleration == pytest.approx((0.0, 0.0, 6.9), abs=1e-6)
+    assert rig.measure().position == pytest.approx(start, abs=1e-12)
+    assert travel(rig) == pytest.approx(before, abs=1e-9)
+
+
+def test_the_handle_follows_the_hand_along_x_and_z(build: Build) -> None:
+    rig = build(hand=ExplorationParameters())
+    hold(rig, 0, 1000)
+    x, y, z = rig.measure().position
+    assert x == pytest.approx(0.032, abs=0.01)  # 0.4 s of a stroke of 0.1 m/s, after its ramp
+    assert y == pytest.approx(0.0, abs=1e-5)
+    assert z == pytest.approx(-0.0047, abs=1e-4)
+    # In the middle of the first stroke: the grip's damping leaves no lag at constant speed.
+    assert rig.measure().velocity[0] == pytest.approx(0.1, rel=0.01)
+
+
+@pytest.mark.parametrize("force", [0.0, math.nan])
+def test_at_rest_it_stays_at_rest_and_nan_is_no_force(build: Build, force: float) -> None:
+    rig = build()
+    rig.apply_actuator_force((force, force, force))
+    rig.apply_arm_force((force, force, force))
+    assert max(run(rig, 0, 100)) == 0.0
+    assert rig.measure().position == (0.0, 0.0, 0.0)
+
+
+KINDS: dict[str, Callable[[int], Rig]] = {
+    "one coil": lambda seed: MasterRig(MasterRigParameters(), RATE, seed),
+    "three coils": lambda seed: ThreeAxisRig(Parameters(), RATE, seed),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@few
+@given(
+    posture=st.sampled_from(sorted(POSTURES)),
+    variation=st.floats(0.0, 1.0),
+    seed=st.integers(0, 10),
+)
+def test_another_grip_is_the_same_user_s_and_nothing_moves(
+    kind: str, posture: str, variation: float, seed: int
+) -> None:
+    rig = KINDS[kind](seed)
+    rig.apply_arm_force((0.0, 0.0, 0.0))
+    rig.apply_actuator_force((0.5, 1.0, 1.0))
+    run(rig, 1, 900)
+    before, travelled = rig.measure(), travel(rig)
+    grip = GripParameters(posture=posture, variation=variation)
+    rig.hold(grip)
+    after = rig.measure()
+    assert (after.position, after.velocity) == (before.position, before.velocity)
+    assert travel(rig) == travelled
+    assert rig.handle == held(HandleParameters(), grip, seed)
+    run(rig, 900, 1000)
+    assert math.isfinite(rig.measure().acceleration[ACTUATOR_AXIS])
+
+
+speeds = st.tuples(*[st.floats(-0.3, 0.3)] * 3)
+slow = st.tuples(*[st.floats(-0.05, 0.05)] * 3)
+
+
+@few
+@given(
+    speeds, speeds, st.floats(0.0, 1.0), st.floats(2e-3, 1.0), st.sampled_from([1000.0, 4000.0])
+)
+def test_dry_friction_only_takes_energy(
+    handle: Vector, coil: Vector, friction: float, slip: float, rate: float
+) -> None:
+    drive = DriveParameters(coulomb_friction=friction, slip_velocity=slip)
+    one = MasterRig(replace(STILL, drive=drive), rate)
+    one.disturb(handle[2], coil[2])
+    three = ThreeAxisRig(replace(STILL_THREE, handle=LOSSLESS, drive=drive), rate)
+    three.disturb(handle, coil)
+    for rig in (one, three):
+        for before, after in pairwise([rig.energy(), *run(rig, 0, 400, rate)]):
+            assert after <= before * (1 + 1e-9) + 1e-15
 
 
 # Energy
@@ -241,17 +392,6 @@ def test_undamped_stops_give_back_what_they_took() -> None:
     energies = [rig.energy(), *run(rig, 1, 300)]
     assert rig.counters()["travel_stops_hit"] > 10
     assert max(energies) < 1.15 * energies[0]
-
-
-@pytest.mark.parametrize("force", [0.0, math.nan])
-def test_at_rest_it_stays_at_rest_and_nan_is_no_force(
-    ideal_master: MasterRigParameters, force: float
-) -> None:
-    rig = MasterRig(ideal_master, RATE)
-    rig.apply_actuator_force(along_actuator(force))
-    rig.apply_arm_force((force, force, force))
-    assert max(run(rig, 0, 100)) == 0.0
-    assert rig.measure().position == (0.0, 0.0, 0.0)
 
 
 # Travel stops
@@ -312,7 +452,7 @@ def exploring() -> MasterRig:
     return MasterRig(MasterRigParameters(), RATE)
 
 
-def hold(rig: MasterRig, first: int, last: int) -> None:
+def hold(rig: Rig, first: int, last: int) -> None:
     """Let samples pass, with a command of no force at each, as of a coupling in balance."""
     for index in range(first, last):
         rig.advance(index * PERIOD)
@@ -340,14 +480,6 @@ def test_before_the_first_force_another_grip_is_one_from_the_beginning(gravity: 
         rig.apply_actuator_force(along_actuator(1.0))
         run(rig, 0, 50)
     assert changed.measure() == begun.measure()
-
-
-def test_the_handle_follows_the_hand() -> None:
-    rig = exploring()
-    hold(rig, 0, 1000)
-    # In the middle of the first stroke: the grip's damping leaves no lag at constant speed.
-    assert rig.measure().velocity[0] == pytest.approx(0.1, rel=0.01)
-    assert rig.measure().position[2] == pytest.approx(-0.0047, abs=1e-4)
 
 
 # Limits and stalls
@@ -441,24 +573,6 @@ def test_the_accelerometer_saturates_and_counts(ideal_master: MasterRigParameter
 # What a real rig has besides
 
 
-@few
-@given(
-    friction=st.floats(0.0, 1.0),
-    slip=st.floats(2e-3, 1.0),
-    v_h=st.floats(-0.2, 0.2),
-    v_a=st.floats(-0.2, 0.2),
-)
-def test_dry_friction_only_takes_energy(
-    friction: float, slip: float, v_h: float, v_a: float
-) -> None:
-    drive = DriveParameters(coulomb_friction=friction, slip_velocity=slip)
-    rig = MasterRig(replace(STILL, drive=drive), RATE)
-    rig.disturb(handle_velocity=v_h, actuator_velocity=v_a)
-    energies = [rig.energy(), *run(rig, 0, 200)]
-    for before, after in pairwise(energies):
-        assert after <= before * (1 + 1e-9) + 1e-15
-
-
 def test_dry_friction_stops_a_small_swing_away_from_the_middle() -> None:
     drive = DriveParameters(coulomb_friction=0.1)
     free = replace(STILL.handle, b_s=0.0, m_h=1e3, k_u=0.0, b_u=0.0)
@@ -498,18 +612,6 @@ def test_friction_held_for_a_sample_is_close_to_friction_that_follows_the_slip(
     assert np.std(coarse - fine) < 0.3 * effect
 
 
-def test_a_handle_held_against_gravity_is_at_rest_and_its_sensor_tells_gravity(
-    ideal_master: MasterRigParameters,
-) -> None:
-    rig = MasterRig(replace(ideal_master, grip=GripParameters(gravity=6.9)), RATE)
-    before = rig.travel
-    assert before == pytest.approx(-0.018 * 6.9 / 266)
-    assert rig.measure().acceleration[ACTUATOR_AXIS] == pytest.approx(6.9, abs=1e-6)
-    rig.disturb()
-    assert accelerations(rig, range(200)) == pytest.approx([6.9] * 200, abs=1e-6)
-    assert rig.travel == pytest.approx(before, abs=1e-9)
-
-
 def test_users_differ_from_seed_to_seed_about_the_average_one() -> None:
     average, grip = HandleParameters(), GripParameters(variation=0.2)
     users = [held(average, grip, seed) for seed in range(400)]
@@ -519,26 +621,6 @@ def test_users_differ_from_seed_to_seed_about_the_average_one() -> None:
     # The actuator is the same in every hand.
     assert {(user.m_a, user.k_s, user.b_s) for user in users} == {(0.018, 266.0, 2.0)}
     assert held(average, grip, 7) == held(average, grip, 7)
-
-
-@few
-@given(st.sampled_from(sorted(POSTURES)), st.floats(0.0, 1.0), st.integers(0, 10))
-def test_another_grip_is_the_same_user_s_and_nothing_moves(
-    posture: str, variation: float, seed: int
-) -> None:
-    rig = MasterRig(MasterRigParameters(), RATE, seed)
-    rig.apply_arm_force((0.0, 0.0, 0.0))
-    rig.apply_actuator_force(along_actuator(1.0))
-    run(rig, 1, 900)
-    before, travel = rig.measure(), rig.travel
-    grip = GripParameters(posture=posture, variation=variation)
-    rig.hold(grip)
-    after = rig.measure()
-    assert (after.position, after.velocity) == (before.position, before.velocity)
-    assert rig.travel == travel
-    assert rig.handle == held(HandleParameters(), grip, seed)
-    run(rig, 900, 1000)
-    assert math.isfinite(rig.measure().acceleration[ACTUATOR_AXIS])
 
 
 def test_a_handle_turned_upright_sinks_into_the_grip(ideal_master: MasterRigParameters) -> None:
@@ -578,3 +660,228 @@ def test_whatever_is_physically_possible_runs(
     # 1 N on the lightest mass for 0.5 s, and springs that can give back what they got.
     assert rig.energy() < 1e3
     assert math.isfinite(rig.measure().acceleration[ACTUATOR_AXIS])
+
+
+# Three coils
+
+
+@pytest.mark.parametrize("mode", [0.0, 287.0])
+@pytest.mark.parametrize("delay", [0.0, 68e-6, 1.3e-3])
+def test_without_tilts_and_offsets_each_axis_is_that_of_one_coil(
+    mode: float, delay: float
+) -> None:
+    frequency = np.linspace(5.0, 490.0, 50)
+    mount = MountParameters(mode, 0.1)
+    straight = Straight(
+        body=CENTRED,
+        mounts=SensorMounts(mount, mount, mount),
+        drive=DriveParameters(delay=delay),
+    )
+    found = ThreeAxisRig(straight, RATE).response(frequency, RATE)
+    expected = sampled_response(TABLE_I, frequency, RATE, delay, mount=mount)
+    for axis in range(3):
+        assert found[:, axis, axis] == pytest.approx(expected, rel=1e-9)
+    assert np.abs(found[:, ~np.eye(3, dtype=bool)]).max() < 1e-12
+
+
+def test_it_then_moves_as_the_rig_with_one_coil(
+    ideal: Parameters, ideal_master: MasterRigParameters
+) -> None:
+    drive = DriveParameters(bits=14, delay=1.3e-3, coulomb_friction=0.05)
+    grip = GripParameters(variation=0.15, gravity=6.9)
+    exploration = ExplorationParameters()
+    same: dict[str, Any] = {"drive": drive, "grip": grip, "exploration": exploration}
+    three = ThreeAxisRig(Straight(**vars(ideal) | {"body": CENTRED} | same), RATE, seed=3)
+    one = MasterRig(replace(ideal_master, **same), RATE, seed=3)
+    force = np.random.default_rng(1).normal(0.0, 1.5, 2000).tolist()
+    for index, each in enumerate(force):
+        for rig in (three, one):
+            rig.advance(index * PERIOD)
+            rig.apply_arm_force((0.0, 0.0, -0.5))
+            rig.apply_actuator_force((0.0, 0.0, each))
+        # Along x there is one coil more.
+        of_three, of_one = three.measure(), one.measure()
+        assert of_three.position[2] == pytest.approx(of_one.position[2], abs=1e-12)
+        assert of_three.acceleration[2] == pytest.approx(of_one.acceleration[2], abs=1e-6)
+        assert three.travel[2] == pytest.approx(one.travel, abs=1e-12)
+    assert three.counters() == one.counters()
+    assert one.counters()["travel_stops_hit"] > 0
+
+
+def test_at_high_frequencies_masses_alone_decide() -> None:
+    # Newton and Euler for a handle whose coils are light.
+    body, coils = BodyParameters(), CoilMounting()
+    tiny = replace(TABLE_I, m_a=1e-6, k_s=0.0, b_s=0.0)
+    rate = 1e6
+    unfiltered = replace(
+        Parameters(handle=tiny),
+        accelerometer=AccelerometerParameters(bandwidth=100e3),
+    )
+    rig = ThreeAxisRig(unfiltered, rate)
+    frequency = np.array([3000.0])
+    low_pass = 1 / (1 + 1j * frequency[0] / 100e3)
+    found = rig.response(frequency, rate)[0] / low_pass
+    sensor = np.array([body.sensor_x, body.sensor_y, body.sensor_z])
+    inertia = TABLE_I.m_h * GYRATION_RADIUS**2
+    for coil in range(3):
+        direction, place = coils.directions[:, coil], coils.positions[:, coil]
+        spin = np.cross(place, direction) / inertia
+        expected = direction / TABLE_I.m_h + np.cross(spin, sensor)
+        assert np.abs(found[:, coil]) == pytest.approx(np.abs(expected), rel=0.02, abs=0.05)
+
+
+def test_the_mass_matrix_is_that_of_handle_and_coils() -> None:
+    coils = CoilMounting()
+    mass = mass_matrix(TABLE_I, coils)
+    assert mass == pytest.approx(mass.T)
+    assert np.linalg.eigvalsh(mass).min() > 0
+    # All together moves as 0.128 + 0.018 kg; a coil alone as 0.018 kg.
+    assert mass[:3, :3] == pytest.approx(0.146 * np.eye(3))
+    assert mass[6:, 6:] == pytest.approx(0.018 * np.eye(3))
+    assert mass[:3, 6:] == pytest.approx(0.018 * coils.directions)
+
+
+def test_a_coil_moves_another_as_much_as_that_one_moves_it(
+    ideal: Parameters,
+) -> None:
+    travels = np.zeros((3, 3, 40))
+    for coil in range(3):
+        rig = ThreeAxisRig(ideal, RATE)
+        for index in range(40):
+            rig.advance(index * PERIOD)
+            travels[:, coil, index] = rig.travel
+            rig.apply_actuator_force(vector_along(coil, 1.0 if index == 0 else 0.0))
+    assert travels == pytest.approx(travels.swapaxes(0, 1), abs=1e-15)
+    assert np.abs(travels[0, 1]).max() > 0.01 * np.abs(travels[0, 0]).max()
+
+
+def vector_along(axis: int, value: float) -> Vector:
+    x, y, z = (value if axis == each else 0.0 for each in range(3))
+    return x, y, z
+
+
+@pytest.mark.parametrize("turned", [0.0, math.radians(10)])
+def test_the_rig_follows_its_response(ideal: Parameters, turned: float) -> None:
+    parameters = replace(
+        ideal,
+        body=BodyParameters(sensor_rotation=turned, sensor_axis="x"),
+        mounts=SensorMounts(*(MountParameters(f, 0.1) for f in (240.0, 0.0, 287.0))),
+        drive=DriveParameters(bits=32, delay=230e-6, force_scale=-0.9),
+    )
+    rig = ThreeAxisRig(parameters, RATE)
+    time = np.arange(1000) * PERIOD
+    lines = [[20, 50, 110, 201], [23, 53, 113, 251], [29, 61, 127, 307]]
+    force = np.array(
+        [sum(0.1 * np.sin(2 * np.pi * f * time + f * f) for f in each) for each in lines]
+    )
+    measured = []
+    for index, (x, y, z) in enumerate(np.tile(force, 3).T.tolist()):
+        rig.advance(index * PERIOD)
+        measured.append(rig.measure().acceleration)
+        rig.apply_actuator_force((x, y, z))
+    acceleration = np.fft.rfft(measured[-1000:], axis=0)
+    for coil, frequencies in enumerate(lines):
+        gain = acceleration[frequencies] / np.fft.rfft(force[coil])[frequencies, np.newaxis]
+        expected = rig.response(frequencies, RATE)[:, :, coil]
+        assert np.abs(gain - expected).max() < 1e-3 * np.abs(expected).max()
+
+
+def test_the_coupling_to_the_slave_is_a_stiffer_grip_without_a_stiffer_turn(
+    ideal: Parameters,
+) -> None:
+    frequency = np.array([10.0, 15.0, 20.0, 60.0])
+    straight = Straight(**vars(ideal) | {"body": CENTRED})
+    coupled = ThreeAxisRig(straight, RATE).response(frequency, RATE, coupling=250.0)
+    stiffer = sampled_response(replace(TABLE_I, k_u=1750.0), frequency, RATE)
+    assert coupled[:, 1, 1] == pytest.approx(stiffer, rel=1e-9)
+
+
+def test_the_default_cross_coupling_is_10_db() -> None:
+    frequency = np.geomspace(40.0, 400.0, 20)
+    found = cross_coupling(ThreeAxisRig(Parameters(), RATE).response(frequency, RATE))
+    assert found == pytest.approx(-10.0, abs=0.6)
+
+
+def test_a_turned_accelerometer_measures_the_same_vector_in_its_own_frame(
+    ideal: Parameters,
+) -> None:
+    angle = math.radians(10)
+    told = ThreeAxisRig(ideal, RATE)
+    body = BodyParameters(sensor_axis="z", sensor_rotation=angle)
+    turned = ThreeAxisRig(replace(ideal, body=body), RATE)
+    for rig in (told, turned):
+        rig.apply_actuator_force((1.0, -0.5, 0.7))
+        rig.advance(3 * PERIOD)
+    x, y, z = told.measure().acceleration
+    # The sensor's x axis is turned from x towards y.
+    assert turned.measure().acceleration == pytest.approx(
+        (math.cos(angle) * x + math.sin(angle) * y, math.cos(angle) * y - math.sin(angle) * x, z),
+        abs=1e-6,
+    )
+
+
+# Energy
+
+
+@few
+@given(slow, slow, slow)
+def test_without_damping_energy_is_conserved(handle: Vector, coils: Vector, spin: Vector) -> None:
+    rig = ThreeAxisRig(replace(STILL_THREE, handle=LOSSLESS), RATE)
+    rig.disturb(handle, coils, spin)
+    thrown = rig.energy()
+    assert run(rig, 0, 300) == pytest.approx([thrown] * 300, rel=1e-9, abs=1e-15)
+    assert rig.counters()["travel_stops_hit"] == 0
+
+
+@few
+@given(speeds, speeds | st.tuples(*[st.sampled_from([-3.0, 0.0, 3.0])] * 3))
+def test_damping_and_travel_stops_only_take_energy(handle: Vector, coils: Vector) -> None:
+    rig = ThreeAxisRig(STILL_THREE, RATE)
+    rig.disturb(handle, coils)
+    energies = run(rig, 0, 500)
+    assert (np.diff(energies) <= 1e-15).all()
+    assert energies[-1] <= 1e-3 * energies[0] + 1e-15
+    assert rig.counters()["travel_stops_hit"] >= sum(abs(each) == 3.0 for each in coils)
+
+
+# Limits and instruments
+
+
+def test_each_coil_is_limited_and_ignores_nan(ideal: Parameters) -> None:
+    rig = ThreeAxisRig(Straight(**vars(ideal)), RATE)
+    rig.apply_actuator_force((math.nan, -100.0, 0.1))
+    rig.advance(1e-4)
+    x, y, z = rig.travel
+    assert x == 0.0
+    assert y / z == pytest.approx(-66.0)
+    assert rig.counters()["actuator_saturated"] == 1
+
+
+def test_the_axes_have_independent_noise_and_z_that_of_one_coil() -> None:
+    rigs = ThreeAxisRig(STILL_THREE, RATE, 5), MasterRig(MasterRigParameters(), RATE, 5)
+    for rig in rigs:
+        rig.apply_arm_force((0.0, 0.0, 0.0))
+    three, one = (np.array([rig.measure().acceleration for _ in range(4000)]) for rig in rigs)
+    assert three[:, 2] == pytest.approx(one[:, 2])
+    assert three.std(axis=0) == pytest.approx(AccelerometerParameters().noise, rel=0.05)
+    assert np.abs(np.corrcoef(three.T) - np.eye(3)).max() < 0.06
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda: BodyParameters(sensor_axis="w"), "sensor_axis = 'w': must be one of x, y, z"),
+        (
+            lambda: BodyParameters(sensor_rotation=10.0),
+            "sensor_rotation = 10.0: must be from -3.14159 to 3.14159 rad",
+        ),
+        (
+            lambda: ThreeAxisRig(replace(STILL_THREE, handle=replace(TABLE_I, m_h=0.03)), RATE),
+            "m_h = 0.03: must be above 0.036 kg, the mass of two coils, which move with the"
+            " handle",
+        ),
+    ],
+)
+def test_impossible_handles_are_refused_in_one_line(wrong: Any, message: str) -> None:
+    with pytest.raises(ParameterError, match=rf"^{message}[^\n]*$"):
+        wrong()
