@@ -307,6 +307,11 @@ def test_a_graph_starts_without_what_takes_long_to_load(module: str) -> None:
     assert loaded & {"scipy.signal", "scipy.stats", "scipy.optimize", "pandas"} == set()
 
 
+@pytest.mark.parametrize("command", ["experiment", "identify", "bench"])
+def test_a_command_loads_what_draws_when_it_draws(command: str) -> None:
+    assert "matplotlib" not in loaded_by(f"import {PACKAGE}.cli.{command}")
+
+
 def test_a_script_begins_when_all_of_its_file_is_known() -> None:
     early = [
         path.name

@@ -10,12 +10,10 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeAlias, TypeVar
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from haptic_accel.analysis import identification_plots as plots
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ALL_AXES, NAMES
 from haptic_accel.core.handle.plant import THREE_AXES
@@ -38,6 +36,9 @@ from haptic_accel.core.tables import DASH, ResultTable, number
 from haptic_accel.core.trial import master_response, run_identification
 from haptic_accel.pages import write
 from haptic_accel.setup.files import EVERY_NODE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PARAMETER_FILE = "handle.yaml"
 """Name of the parameter file to which the page refers."""
@@ -313,6 +314,8 @@ class OneAxisResult(_Result[Identification]):
 
     def figures(self, sweep: SweepParameters) -> dict[str, Figure]:
         """Return the paper's Figs. 4 and 5, and the coherence."""
+        from haptic_accel.analysis import identification_plots as plots
+
         identified = next(iter(self.found.grips.values()))
         return {
             "fig4_sweep.png": plots.sweep_plot(identified.trials[0], sweep),
@@ -408,6 +411,8 @@ class ThreeAxisResult(_Result[ThreeAxisIdentification]):
 
     def sentences(self) -> Iterator[str]:
         """Yield sentences on the model error, coherence, coupling and delays."""
+        from haptic_accel.analysis.identification_plots import ANISOTROPY
+
         response = self.found.response
         for error in self.errors.values():
             yield (
@@ -423,7 +428,7 @@ class ThreeAxisResult(_Result[ThreeAxisIdentification]):
         axis, coil = np.unravel_index(np.argmax(levels - 1e9 * np.eye(3)), levels.shape)
         yield (
             f"cross-coupling: {levels[axis, coil]:.1f} dB at most, of coil {NAMES[coil]} with axis"
-            f" {NAMES[axis]}; {plots.ANISOTROPY}: {response.condition.max():.1f} at most;"
+            f" {NAMES[axis]}; {ANISOTROPY}: {response.condition.max():.1f} at most;"
             f" condition number of the coils' directions: {self.found.plant.condition:.2g}"
         )
         delays = ", ".join(f"{fit.delay * 1e6:.0f} us ({name})" for name, fit in self.fits.items())
@@ -480,6 +485,8 @@ class ThreeAxisResult(_Result[ThreeAxisIdentification]):
 
     def figures(self, sweep: SweepParameters) -> dict[str, Figure]:
         """Return response, coherence and anisotropy."""
+        from haptic_accel.analysis import identification_plots as plots
+
         del sweep
         return {
             "response.png": plots.response_plot(self.found),

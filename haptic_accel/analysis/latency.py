@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from haptic_accel.bags.delivery import LABELS, Delivery, durations
 from haptic_accel.core.tables import Column, ResultTable, Row, number
 from haptic_accel.core.tick.device_side import IN_TIME, MISSED_SHARE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def pair_metrics(delivery: Delivery) -> Row:
@@ -145,6 +147,8 @@ def rate_held(rows: Sequence[Row]) -> float | None:
 
 def draw(rows: Sequence[Row]) -> Figure:
     """Draw age and CPU against rate."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(6, 7), layout="constrained")
     ages, cores = figure.subplots(2, sharex=True)
     rates = [row["rate_hz"] for row in rows]

@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from haptic_accel.analysis.plots import Portrait
 from haptic_accel.analysis.segments import Segment
-from haptic_accel.analysis.traces import Traces
+from haptic_accel.analysis.traces import Portrait, Traces
 from haptic_accel.bags.delivery import AGE_OF
 from haptic_accel.core import topics
 from haptic_accel.core.axes import ALL_AXES, NAMES

@@ -3,15 +3,15 @@
 
 """Palette, axes and plots of all reports: the paper's Figs. 9 to 11, errors by band.
 
-The package defines colours and plots in this module only. The drawn data of a trial are kept as a
-`Portrait`, a few thousand numbers, so that a long recording need not stay in memory.
+The package defines colours and plots in this module only. It loads matplotlib, so that commands
+import it when they draw.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from itertools import combinations, cycle, product
 from pathlib import Path
 from typing import Any, Literal
@@ -24,26 +24,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from haptic_accel.analysis.traces import EXCERPT, excerpt_of, sampled
-from haptic_accel.core.evaluation import metrics
-from haptic_accel.core.evaluation.metrics import Evaluation, Spectra, components, lengths, spectra
+from haptic_accel.analysis.traces import EXCERPT, LEAST_R2, PATH, Portrait, Portraits, extent
 from haptic_accel.core.evaluation.statistics import Interval
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.tables import DASH, number
 
 LOWEST_FREQUENCY = 10.0
 """Lower end of the spectra, Hz: the 15 Hz high-pass leaves little below it."""
-
-MOST_POINTS = 4000
-"""Maximum number of points in a scatter plot; more would overlap."""
-
-PATH = 0.05
-"""Length of a path in the planes of two axes, s: several periods of texture, which the eye can
-distinguish."""
-
-LEAST_R2 = metrics.ALIKE**2
-"""Minimum R^2 for drawing a regression line, equal to the minimum correlation for a delay. Below
-it the samples have almost nothing in common."""
 
 DPI = 300
 """Resolution of PNG plots, pixels per inch, as required for printed papers."""
@@ -107,98 +94,7 @@ EMBEDDED: dict[Any, Any] = {"pdf.fonttype": 42, "font.family": "sans-serif"}
 """Text of PDF plots as TrueType, as publishers reject matplotlib's default Type 3."""
 
 
-@dataclass(frozen=True)
-class Portrait:
-    """Drawn parts of a trial, after the shift.
-
-    Attributes
-    ----------
-    rate : float
-        Samples per second.
-    evaluation : Evaluation
-    spectra : Spectra
-    begin : float
-        Start of the excerpt, s.
-    desired, actual : ndarray, shape (n,) for one axis or (n, k) for several
-        Excerpt, m/s^2.
-    cloud_desired, cloud_actual : ndarray, shape (m,) or (m, k)
-        Samples drawn at random from the whole trial, m/s^2.
-    mean_desired, mean_actual : float
-        m/s^2.
-    largest : float
-        Largest magnitude in either signal, m/s^2.
-    by_axis : dict of Portrait
-        Portraits of vectors' components by axis, with the same excerpt and samples.
-    """
-
-    rate: float
-    evaluation: Evaluation
-    spectra: Spectra
-    begin: float
-    desired: FloatArray
-    actual: FloatArray
-    cloud_desired: FloatArray
-    cloud_actual: FloatArray
-    mean_desired: float
-    mean_actual: float
-    largest: float
-    by_axis: Mapping[str, Portrait] = field(default_factory=dict)
-
-    @classmethod
-    def of(
-        cls,
-        desired: FloatArray,
-        actual: FloatArray,
-        rate: float,
-        evaluation: Evaluation,
-        begin: float | None = None,
-        by_axis: Mapping[str, Evaluation] | None = None,
-    ) -> Portrait:
-        """Return the plotted parts of two aligned accelerations.
-
-        See `excerpt_of` for `begin`; `by_axis` has the evaluation of each component of vectors.
-        """
-        window = excerpt_of(lengths(desired), rate, begin)
-        whole = cls._of(desired, actual, rate, evaluation, window)
-        own = {}
-        if by_axis:
-            parts = zip(by_axis.items(), components(desired), components(actual), strict=True)
-            own = {axis: cls._of(d, a, rate, found, window) for (axis, found), d, a in parts}
-        return replace(whole, by_axis=own)
-
-    @classmethod
-    def _of(
-        cls,
-        desired: FloatArray,
-        actual: FloatArray,
-        rate: float,
-        evaluation: Evaluation,
-        window: slice,
-    ) -> Portrait:
-        points = sampled(len(desired), MOST_POINTS)
-        found, begin = spectra(desired, actual, rate), window.start / rate
-        excerpt = desired[window].copy(), actual[window].copy()
-        cloud = desired[points], actual[points]
-        means = float(desired.mean()), float(actual.mean())
-        largest = _extent((desired, actual))
-        return cls(rate, evaluation, found, begin, *excerpt, *cloud, *means, largest)
-
-    @property
-    def regressed(self) -> bool:
-        """True if the signals have enough in common for a regression line."""
-        return self.evaluation.r2 >= LEAST_R2
-
-
-Portraits = Mapping[tuple[str, str], Portrait]
-"""Portraits by controller and surface; some combinations may be missing."""
-
-
 # Numbers and names
-
-
-def percent(value: float | None) -> str:
-    """Return a percentage as text."""
-    return number(value, 1, " %")
 
 
 def short(name: str, longest: int = 24) -> str:
@@ -216,7 +112,7 @@ def time_traces(portraits: Portraits) -> Figure:
     figure, panels = _panels(portraits, _TRACES, names, 1.9 / 3.5)
     for (controller, surface), panel in panels.items():
         drawn = _on(portraits, surface)
-        reach = 1.05 * _extent(signal for p in drawn for signal in (p.desired, p.actual))
+        reach = 1.05 * extent(signal for p in drawn for signal in (p.desired, p.actual))
         panel.set_xlim(0, 1e3 * EXCERPT)
         panel.xaxis.set_major_locator(ticker.MultipleLocator(500 * EXCERPT))
         panel.set_ylim(-reach, reach)
@@ -224,7 +120,7 @@ def time_traces(portraits: Portraits) -> Figure:
             milliseconds = 1e3 * np.arange(portrait.desired.size) / portrait.rate
             panel.plot(milliseconds, portrait.desired, **DESIRED)
             panel.plot(milliseconds, portrait.actual, **ACTUAL)
-            error = percent(portrait.evaluation.nrmse_percent)
+            error = number(portrait.evaluation.nrmse_percent, 1, " %")
             _subtitle(
                 panel, f"NRMSE {error}, from {portrait.begin:.2f} s", f"NRMSE {error}", error
             )
@@ -278,7 +174,7 @@ def amplitude_spectra(portraits: Portraits) -> Figure:
         for portrait in portraits.values()
         for amplitude in (portrait.spectra.desired, portrait.spectra.actual)
     ]
-    top = 2.0 * _extent(drawn)
+    top = 2.0 * extent(drawn)
     bottom = min((a[a > 0].min() for a in drawn if np.any(a > 0)), default=top)
     bottom = max(float(bottom), top * 10.0**-_DECADES)
     highest = max(portrait.rate for portrait in portraits.values()) / 2
@@ -310,7 +206,7 @@ def polarisation(portraits: Mapping[str, Portrait]) -> Figure:
         for portrait in portraits.values()
         for part in (portrait.desired, portrait.actual)
     ]
-    reach = 1.05 * _extent(drawn)
+    reach = 1.05 * extent(drawn)
     for (controller, row), panel in panels.items():
         panel.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
         for axis in (panel.xaxis, panel.yaxis):
@@ -648,8 +544,3 @@ def _subtitle(panel: Axes, *texts: str) -> None:
     room = panel.get_position().width * TEXT / (_CHARACTER * _TICK)
     fitting = (text for text in texts if len(text) <= room)
     panel.set_title(next(fitting, texts[-1]), **_SUBTITLE)
-
-
-def _extent(signals: Iterable[FloatArray]) -> float:
-    """Return the largest magnitude in some signals, or 1 if all are zero."""
-    return max((float(np.abs(signal).max()) for signal in signals), default=0.0) or 1.0

@@ -13,12 +13,16 @@ import pandas as pd
 from haptic_accel.analysis import frames, metrics
 from haptic_accel.analysis.frames import Comparison
 from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.plots import percent
 from haptic_accel.analysis.segments import Segment
 from haptic_accel.core.control.supervision import DEVIATES
 from haptic_accel.core.evaluation.metrics import DIRECTION_SHARE
 from haptic_accel.core.tables import ResultTable, number
 from haptic_accel.core.tick.device_side import IN_TIME
+
+
+def percent(value: float | None) -> str:
+    """Return a percentage as text."""
+    return number(value, 1, " %")
 
 
 def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[str]:

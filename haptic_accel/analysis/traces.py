@@ -1,18 +1,23 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Signals of a trial over time for a page: thinned, and one part at full resolution."""
+"""Signals of a trial for plots and pages: parts of them, thinned or at full resolution.
+
+The drawn data of a trial are kept as a `Portrait`, a few thousand numbers, so that a long
+recording need not stay in memory.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
+from haptic_accel.core.evaluation import metrics
 from haptic_accel.core.evaluation.metrics import by_component, components, lengths
 from haptic_accel.core.model import FloatArray
 
@@ -31,6 +36,17 @@ DETAIL = 2.0
 
 DETAIL_POINTS = 4000
 """Maximum number of points at full resolution; covers less than `DETAIL` above 2 kHz."""
+
+MOST_POINTS = 4000
+"""Maximum number of points in a scatter plot; more would overlap."""
+
+PATH = 0.05
+"""Length of a path in the planes of two axes, s: several periods of texture, which the eye can
+distinguish."""
+
+LEAST_R2 = metrics.ALIKE**2
+"""Minimum R^2 for drawing a regression line, equal to the minimum correlation for a delay. Below
+it the samples have almost nothing in common."""
 
 
 @dataclass(frozen=True)
@@ -218,3 +234,94 @@ def sampled(size: int, most: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
     if size <= most:
         return np.arange(size)
     return np.random.default_rng(0).choice(size, most, replace=False)
+
+
+@dataclass(frozen=True)
+class Portrait:
+    """Drawn parts of a trial, after the shift.
+
+    Attributes
+    ----------
+    rate : float
+        Samples per second.
+    evaluation : metrics.Evaluation
+    spectra : Spectra
+    begin : float
+        Start of the excerpt, s.
+    desired, actual : ndarray, shape (n,) for one axis or (n, k) for several
+        Excerpt, m/s^2.
+    cloud_desired, cloud_actual : ndarray, shape (m,) or (m, k)
+        Samples drawn at random from the whole trial, m/s^2.
+    mean_desired, mean_actual : float
+        m/s^2.
+    largest : float
+        Largest magnitude in either signal, m/s^2.
+    by_axis : dict of Portrait
+        Portraits of vectors' components by axis, with the same excerpt and samples.
+    """
+
+    rate: float
+    evaluation: metrics.Evaluation
+    spectra: metrics.Spectra
+    begin: float
+    desired: FloatArray
+    actual: FloatArray
+    cloud_desired: FloatArray
+    cloud_actual: FloatArray
+    mean_desired: float
+    mean_actual: float
+    largest: float
+    by_axis: Mapping[str, Portrait] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        desired: FloatArray,
+        actual: FloatArray,
+        rate: float,
+        evaluation: metrics.Evaluation,
+        begin: float | None = None,
+        by_axis: Mapping[str, metrics.Evaluation] | None = None,
+    ) -> Portrait:
+        """Return the plotted parts of two aligned accelerations.
+
+        See `excerpt_of` for `begin`; `by_axis` has the evaluation of each component of vectors.
+        """
+        window = excerpt_of(lengths(desired), rate, begin)
+        whole = cls._of(desired, actual, rate, evaluation, window)
+        own = {}
+        if by_axis:
+            parts = zip(by_axis.items(), components(desired), components(actual), strict=True)
+            own = {axis: cls._of(d, a, rate, found, window) for (axis, found), d, a in parts}
+        return replace(whole, by_axis=own)
+
+    @classmethod
+    def _of(
+        cls,
+        desired: FloatArray,
+        actual: FloatArray,
+        rate: float,
+        evaluation: metrics.Evaluation,
+        window: slice,
+    ) -> Portrait:
+        points = sampled(len(desired), MOST_POINTS)
+        found, begin = metrics.spectra(desired, actual, rate), window.start / rate
+        excerpt = desired[window].copy(), actual[window].copy()
+        cloud = desired[points], actual[points]
+        means = float(desired.mean()), float(actual.mean())
+        largest = extent((desired, actual))
+        return cls(rate, evaluation, found, begin, *excerpt, *cloud, *means, largest)
+
+    @property
+    def regressed(self) -> bool:
+        """True if the signals have enough in common for a regression line."""
+        return self.evaluation.r2 >= LEAST_R2
+
+
+Portraits = Mapping[tuple[str, str], Portrait]
+"""Portraits by controller and surface; some combinations may be missing."""
+
+
+def extent(signals: Iterable[FloatArray]) -> float:
+    """Return the largest magnitude in some signals, or 1 if all are zero."""
+    return max((float(np.abs(signal).max()) for signal in signals), default=0.0) or 1.0

@@ -19,16 +19,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
-from haptic_accel.analysis import frames, metrics, plots
+from haptic_accel.analysis import frames, metrics, traces
 from haptic_accel.analysis.frames import Comparison, csv_text
 from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.plots import PATH, Portrait
 from haptic_accel.analysis.provenance import page_provenance
 from haptic_accel.analysis.segments import Segment, read_segment
 from haptic_accel.analysis.summary import summary
-from haptic_accel.analysis.traces import EXCERPT, Trace, sampled
 from haptic_accel.core import topics
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
 from haptic_accel.core.evaluation.statistics import CONFIDENCE, Interval, mean_interval
@@ -164,8 +161,8 @@ def _data(found: Sequence[metrics.AnalysedTrial]) -> dict[str, Any]:
     share = max(POINTS // max(len(found), 1), FEWEST_POINTS)
     errors = [t.error.value if math.isfinite(t.error.value) else math.inf for t in found]
     return {
-        "excerpt": EXCERPT,
-        "path": PATH,
+        "excerpt": traces.EXCERPT,
+        "path": traces.PATH,
         "first": errors.index(min(errors)) if errors else 0,
         "trials": [_drawn(trial, share) for trial in found],
     }
@@ -188,12 +185,12 @@ def _drawn(trial: metrics.AnalysedTrial, points: int) -> dict[str, Any]:
     }
 
 
-def _axis_data(portrait: Portrait | None) -> dict[str, Any]:
+def _axis_data(portrait: traces.Portrait | None) -> dict[str, Any]:
     """Return regression and spectra of one axis."""
     return {"cloud": portrait and _cloud(portrait), "spectra": portrait and _spectra(portrait)}
 
 
-def _packed_trace(trace: Trace) -> dict[str, Any]:
+def _packed_trace(trace: traces.Trace) -> dict[str, Any]:
     signals = {
         name: _packed(values * _UNITS.get(name.split("_")[0], 1.0))
         for name, values in trace.signals.items()
@@ -208,8 +205,8 @@ def _packed(values: FloatArray) -> dict[str, Any]:
     return {"scale": scale, "data": base64.b64encode(numbers.tobytes()).decode("ascii")}
 
 
-def _cloud(portrait: Portrait) -> dict[str, Any]:
-    points = sampled(portrait.cloud_actual.size, CLOUD_POINTS)
+def _cloud(portrait: traces.Portrait) -> dict[str, Any]:
+    points = traces.sampled(portrait.cloud_actual.size, CLOUD_POINTS)
     points = points[np.argsort(portrait.cloud_actual[points])]
     return {
         "actual": _packed(portrait.cloud_actual[points]),
@@ -220,7 +217,7 @@ def _cloud(portrait: Portrait) -> dict[str, Any]:
     }
 
 
-def _spectra(portrait: Portrait) -> dict[str, Any]:
+def _spectra(portrait: traces.Portrait) -> dict[str, Any]:
     found = portrait.spectra
     return {
         "step": float(found.frequency[1]),
@@ -244,7 +241,7 @@ PICTURES = {
     " better the controller, the closer orange lies on blue.",
     "fig10_regression": "As the paper's Fig. 10: desired against actual handle acceleration, after"
     " the shift, with the regression line of desired on actual where R² is at least"
-    f" {plots.LEAST_R2:.2f}: below, they have next to nothing in common. A perfect handle puts"
+    f" {traces.LEAST_R2:.2f}: below, they have next to nothing in common. A perfect handle puts"
     " every sample on the dashed line; scatter around the red one is what R² leaves unexplained.",
     "fig11_spectra": "As the paper's Fig. 11: amplitude spectral density of desired and actual"
     " handle acceleration from 10 Hz to half the sampling rate. All panels have one scale. Where"
@@ -254,7 +251,7 @@ PICTURES = {
 
 PATHS = (
     "paths of desired and actual handle acceleration in the planes of each two axes, in the first"
-    f" {plots.PATH:g} s of the excerpt of the first figure. All panels have one scale, equal on"
+    f" {traces.PATH:g} s of the excerpt of the first figure. All panels have one scale, equal on"
     " both axes. A perfect handle draws orange on blue; a path that is turned is vibration in a"
     " wrong direction, and a single coil draws a line."
 )
@@ -306,7 +303,7 @@ def write_analysis(
     if comparison:
         tables["comparison.csv"] = comparison.frame
     tables = {name: table for name, table in tables.items() if len(table)} | dict(files or {})
-    written = [*plots.save_plots(_plots(analysis), folder), *tables]
+    written = [*_save_plots(analysis, folder), *tables]
     for name, table in tables.items():
         # Names of bags may contain undecodable bytes.
         (folder / name).write_text(csv_text(table), encoding="utf-8", errors="backslashreplace")
@@ -367,9 +364,11 @@ def signal_table(segment: Segment) -> pd.DataFrame:
     return frame.rename(columns=lambda name: name + ("_N" if FORCE in name else "_m_s2"))
 
 
-def _plots(analysis: Analysis) -> dict[str, Figure]:
-    """Return the plots for which there are data, by name."""
-    drawn: dict[str, Figure] = {}
+def _save_plots(analysis: Analysis, folder: Path) -> Iterator[str]:
+    """Write the plots for which there are data; yield the names of their files."""
+    from haptic_accel.analysis import plots
+
+    drawn: dict[str, Any] = {}
     portraits = _typical(analysis)
     if portraits:
         draw = (plots.time_traces, plots.regressions, plots.amplitude_spectra)
@@ -382,10 +381,10 @@ def _plots(analysis: Analysis) -> dict[str, Figure]:
     errors = _band_errors(analysis)
     if any(errors.values()):
         drawn["bands"] = plots.band_errors(errors)
-    return drawn
+    return plots.save_plots(drawn, folder)
 
 
-def _typical(analysis: Analysis) -> dict[tuple[str, str], plots.Portrait]:
+def _typical(analysis: Analysis) -> dict[tuple[str, str], traces.Portrait]:
     """Return a portrait of each condition, up to the maximum number of plots.
 
     For a surface, the pair with the median of the mean error over controllers is chosen, so that
@@ -417,7 +416,7 @@ def _polarised(analysis: Analysis) -> dict[str, str]:
     return {f"polarisation_{re.sub(r'[^A-Za-z0-9.-]+', '_', s)}": s for s in sorted(surfaces)}
 
 
-def _components(portraits: plots.Portraits) -> Iterator[tuple[tuple[str, str], plots.Portrait]]:
+def _components(portraits: traces.Portraits) -> Iterator[tuple[tuple[str, str], traces.Portrait]]:
     """Yield single-axis portraits; for several axes the surface is named as in ``plywood, x``."""
     for (controller, surface), portrait in portraits.items():
         if not portrait.by_axis:
