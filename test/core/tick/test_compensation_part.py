@@ -87,9 +87,11 @@ class Passing(Compensation):
     def __init__(self) -> None:
         super().__init__(CompensationParameters(controller="constant", axes="x, y, z"), RATE)
         self.given: list[Vector] = []
+        self.handles: list[tuple[float, ...]] = []
 
     def compute(self, t_x: float, t_y: float, t_z: float, *handle: float) -> None:
         self.given.append((t_x, t_y, t_z))
+        self.handles.append(handle)
         self.desired_x, self.desired_y, self.desired_z = t_x, t_y, t_z
 
 
@@ -147,3 +149,4 @@ def test_each_sample_of_a_gap_that_is_not_too_long_is_predicted(gap: int, bridge
     assert len(passing.given) == 3 + bridged
     # Each axis is predicted from its own past, in its own direction.
     assert all(x < y < z for x, y, z in passing.given)
+    assert passing.handles == [(False, 0.0, 0.0, 0.0)] * len(passing.given), "none was measured"

@@ -10,6 +10,7 @@ import pytest
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import (
+    ACTUATOR_TIMEOUT,
     ARM_PEAK_FORCE,
     ARM_TIMEOUT,
     MAX_AGE,
@@ -237,6 +238,32 @@ def test_a_sample_is_waited_for_so_long_and_no_longer() -> None:
         part.read()
         assert part.samples == []
     assert part.unread == 10
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.01, -0.01])
+def test_forces_without_successors_end_where_nothing_is_measured(lag: float) -> None:
+    """Passed time counts, whether the clock agrees with the ticks, is behind or ahead."""
+    device, clock = Slow(), Clock()
+    clock.now = min(0.0, -lag)
+    part = clocked(device, clock)
+    part.command(ARM, 0.0, *(0.0, 0.0, 0.5))
+    part.command(ACTUATOR, 0.0, *along_actuator(0.2))
+    for tick in range(1, 40):
+        clock.now = tick / RATE - lag
+        part.begin(tick)
+        part.read()
+        part.apply()
+        part.watch()
+    times, written = zip(*device.written, strict=True)
+    assert written == (
+        {ARM: (0.0, 0.0, 0.5), ACTUATOR: along_actuator(0.2)},
+        {ACTUATOR: ZERO},
+        {ARM: ZERO},
+    )
+    first = 1 / RATE
+    assert times == pytest.approx(
+        [first, first + ACTUATOR_TIMEOUT, first + ARM_TIMEOUT], abs=1.01 / RATE
+    )
 
 
 @pytest.mark.parametrize(

@@ -257,14 +257,15 @@ def test_what_another_hosts_tool_measured_is_reproduced_at_its_tick() -> None:
     rig = Rig(part=PlayingPart)
     rig.part.passes_tools = False
     loop = HostLoop({MASTER: rig.loop.sides[MASTER]}, rig.part, rig.compensation)
-    for tick, is_first in ((3, True), (4, False), (5, True)):
+    first = 2_000_000  # after half an hour
+    for tick, is_first in ((first, True), (first + 1, False), (first + 2, True)):
         loop.step(tick, is_first)
-        ticks = [3, 4] if tick == 4 else [tick]
+        ticks = [tick] if is_first else [first, tick]
         assert [each.stamp for each in loop.tools] == [each * 1_000_000 for each in ticks]
         assert [each.a_z for each in loop.tools] == pytest.approx(ticks)
         assert [each.stamp for each in loop.compensated] == [each * 1_000_000 for each in ticks]
         assert [each.tick for each in loop.samples] == ticks
-    assert [tick for tick, _ in rig.master.actuator] == [4, 5]
+    assert [tick for tick, _ in rig.master.actuator] == [first + 1, first + 2]
     loop.mute({"slave/tool/acceleration"})
-    loop.step(6)
+    loop.step(first + 3)
     assert (len(loop.tools), loop.compensated, loop.contested) == (1, [], 1)
