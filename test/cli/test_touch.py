@@ -47,10 +47,7 @@ def test_a_surface_is_touched_without_ros(start: Start) -> None:
 @pytest.mark.quiet
 @pytest.mark.parametrize("screen", ["", ":7"])
 def test_the_page_is_opened_where_there_is_a_screen(
-    haptic_accel: Start,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-    screen: str,
+    haptic_accel: Start, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, screen: str
 ) -> None:
     browser = tmp_path / "browser"
     browser.write_text(f"#!/bin/sh\necho $1 > {tmp_path}/opened\n")

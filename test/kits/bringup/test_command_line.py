@@ -123,22 +123,6 @@ def test_unknown_boards_become_a_rig_in_five_steps(
 
 
 @pytest.mark.quiet
-def test_a_bring_up_that_is_left_has_noted_its_steps(terminals: Any, tmp_path: Path) -> None:
-    boards = terminals("-m", "haptic_accel.cli.main", "emulate", "serial", "folder:=boards")
-    boards.wait_for("keys: ")
-
-    class Leaving(Hands):
-        def answer(self, request: str) -> str | None:
-            if "resistor" in request:
-                raise KeyboardInterrupt
-            return super().answer(request)
-
-    with pytest.raises(KeyboardInterrupt):
-        bring_up(tmp_path, Leaving(boards), PORTS)
-    assert [*noted_steps(tmp_path / "rig.yaml")] == ["connect", "calibrate"]
-
-
-@pytest.mark.quiet
 def test_without_boards_it_says_what_to_plug_in_and_ends(tmp_path: Path) -> None:
     done = python(*WORDS, "ports:=nowhere", cwd=tmp_path, input="")
     assert done.returncode == 1

@@ -39,9 +39,7 @@ def test_datagrams_pass_both_ways_in_order(ends: Ends) -> None:
         assert receiver.drain() == []
 
 
-def test_what_has_no_room_waits_in_order_and_only_the_oldest_is_dropped(
-    ends: Ends,
-) -> None:
+def test_what_has_no_room_waits_in_order_and_only_the_oldest_is_dropped(ends: Ends) -> None:
     link, coupler = ends[1], ends[0]
     numbers = iter(range(10_000))
     kept = 0
@@ -70,9 +68,7 @@ def test_what_is_sent_to_nobody_is_dropped_and_counted() -> None:
         assert coupler.dropped == 3
 
 
-def test_other_namespaces_domains_and_senders_are_not_heard(
-    ends: Ends,
-) -> None:
+def test_other_namespaces_domains_and_senders_are_not_heard(ends: Ends) -> None:
     _, link = ends
     with closing(LocalEnd(COUPLER, DOMAIN, "/x" * 500)) as one:
         assert not one.send(b"other namespace")
@@ -82,16 +78,12 @@ def test_other_namespaces_domains_and_senders_are_not_heard(
     assert link.drain() == []
 
 
-def test_a_second_process_for_one_end_is_refused_in_one_line(
-    ends: Ends,
-) -> None:
+def test_a_second_process_for_one_end_is_refused_in_one_line(ends: Ends) -> None:
     with pytest.raises(ParameterError, match=r"^ROS domain 250: has a link .* in namespace /a al"):
         LocalEnd(LINK, DOMAIN, "/a")
 
 
-def test_the_link_tells_the_coupler_about_itself_and_nobody_else_can(
-    ends: Ends,
-) -> None:
+def test_the_link_tells_the_coupler_about_itself_and_nobody_else_can(ends: Ends) -> None:
     coupler, link = ends
     link.write_note("datagrams from 10.0.0.5 do not have the key")
     link.send(b"1")
@@ -104,9 +96,7 @@ def test_the_link_tells_the_coupler_about_itself_and_nobody_else_can(
     assert coupler.note == ""
 
 
-def test_a_note_of_another_thread_changes_nothing_of_what_is_sent(
-    ends: Ends,
-) -> None:
+def test_a_note_of_another_thread_changes_nothing_of_what_is_sent(ends: Ends) -> None:
     coupler, link = ends
     over = threading.Event()
 

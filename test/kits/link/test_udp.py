@@ -91,9 +91,7 @@ def met(pair: list[Host]) -> bool:
     return all(host.hears() and host.end.session.received > 20 for host in pair)
 
 
-def test_what_earlier_runs_sent_is_of_no_use_to_later_ones(
-    hosts: Hosts,
-) -> None:
+def test_what_earlier_runs_sent_is_of_no_use_to_later_ones(hosts: Hosts) -> None:
     pair, addresses = hosts
     family = socket.AF_INET6 if ":" in addresses[0][0] else socket.AF_INET
     wait_until(lambda: met(pair), "packets both ways")
@@ -111,9 +109,7 @@ def test_what_earlier_runs_sent_is_of_no_use_to_later_ones(
     wait_until(lambda: met(pair), "packets both ways")
 
 
-def test_a_third_host_moves_nothing_and_ends_nothing(
-    hosts: Hosts,
-) -> None:
+def test_a_third_host_moves_nothing_and_ends_nothing(hosts: Hosts) -> None:
     pair, addresses = hosts
     family = socket.AF_INET6 if ":" in addresses[0][0] else socket.AF_INET
     wait_until(lambda: met(pair), "packets both ways")

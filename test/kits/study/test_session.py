@@ -298,7 +298,7 @@ def run_killed(study: Study, notes: Path, seconds: float) -> bool:
     return status == 0
 
 
-@pytest.mark.parametrize("sessions", rest_slow([30, 200]))
+@pytest.mark.parametrize("sessions", rest_slow([12, 200]))
 def test_killed_sessions_lose_nothing_and_ask_nothing_twice(tmp_path: Path, sessions: int) -> None:
     durations = []
     for name in ("first", "second", "third"):  # the first one loads libraries, too

@@ -138,7 +138,7 @@ def words(study: Study, verb: str = "run") -> tuple[object, ...]:
     return "study", verb, study.folder, "--participant", "P07"
 
 
-def test_a_participant_goes_through_a_study(
+def test_a_participant_goes_through_a_study_whose_log_is_verified_by_its_head(
     study: Study, visitor: Visiting, capsys: pytest.CaptureFixture[str]
 ) -> None:
     visited = visitor()
@@ -153,6 +153,12 @@ def test_a_participant_goes_through_a_study(
     # A page that is quick sees the session wait before it begins.
     assert next(kind for kind in visited.kinds if kind != "wait") == "consent"
     assert visited.kinds[-1] == "end"
+    noted = shown.out.partition("for the notebook: P07, line ")[2]
+    line, _, head = noted.strip().partition(", ")
+    verified = " ".join(output_of("study", "verify", study.folder).split())
+    assert head in verified
+    assert f"│ {line} │" in verified
+    assert "1 logs do not contradict the journal" in verified
 
 
 def test_the_participant_stops_and_goes_on(study: Study, visitor: Visiting) -> None:
@@ -182,10 +188,10 @@ def test_ctrl_c_ends_a_sitting(study: Study, visitor: Visiting) -> None:
     assert study.sessions[0].ended == "stopped by the operator"
 
 
+@pytest.mark.usefixtures("visitor")
 def test_a_run_that_is_refused_leaves_no_participant(
-    study: Study, visitor: Visiting, monkeypatch: pytest.MonkeyPatch
+    study: Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    visitor()
     monkeypatch.setattr(StandIn, "trouble", "graph: its arms are not engaged after 60 s")
     assert refusal(*words(study), status=1) == StandIn.trouble
     assert study.sessions == []
@@ -194,15 +200,4 @@ def test_a_run_that_is_refused_leaves_no_participant(
     with socket.create_server(("127.0.0.1", 0)) as taken:
         assert status_of(*words(study), "--port", taken.getsockname()[1]) == 1
     assert not study.participant_folder("P07").exists()
-    assert status_of(*words(study)) == 0
-    assert study.sessions[0].ended == COMPLETE
-
-
-def test_the_head_of_the_log_is_printed_and_verified(study: Study, visitor: Visiting) -> None:
-    visitor()
-    noted = output_of(*words(study)).partition("for the notebook: P07, line ")[2]
-    line, _, head = noted.strip().partition(", ")
-    shown = " ".join(output_of("study", "verify", study.folder).split())
-    assert head in shown
-    assert f"│ {line} │" in shown
-    assert "1 logs do not contradict the journal" in shown
+    study.begin("P07").close()

@@ -16,6 +16,7 @@ from scipy import stats
 
 from haptic_accel.core.evaluation.statistics import Interval
 from haptic_accel.kits.study.psychophysics import detection
+from nightly import rest_slow
 
 # By sensR 1.5-3 (R; Christensen, Brockhoff), twoAFC, triangle and duotrio, as published in
 # aigorahub/sensR, tests/fixtures/golden_sensr.json. The duo-trio test is abx with the reference as
@@ -103,8 +104,10 @@ def test_exact_binomial_gives_the_table_of_triangle_tests(trials: int) -> None:
     assert tuple(least(alpha) for alpha in (0.1, 0.05, 0.01, 0.001)) == TRIANGLE_TABLE[trials]
 
 
-@pytest.mark.parametrize(("task", "n"), list(product(detection.CHANCE, (10, 30, 100))))
-def test_d_prime_covers_at_least_as_it_claims(task: str, n: int) -> None:
+@pytest.mark.parametrize(
+    ("n", "task"), rest_slow(product((10, 30, 100), detection.CHANCE), 2 * len(detection.CHANCE))
+)
+def test_d_prime_covers_at_least_as_it_claims(n: int, task: str) -> None:
     found = [detection.d_prime(task, correct, n) for correct in range(n + 1)]
     for d in (0.0, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0):
         weights = stats.binom.pmf(range(n + 1), n, detection.proportion_correct(task, np.array(d)))
@@ -112,7 +115,7 @@ def test_d_prime_covers_at_least_as_it_claims(task: str, n: int) -> None:
         assert held >= 0.95, d
 
 
-@pytest.mark.parametrize("n", [5, 12, 20])
+@pytest.mark.parametrize("n", rest_slow([5, 12, 20], now=2))
 def test_d_prime_by_answers_covers_for_each_criterion(n: int) -> None:
     counts = range(n + 1)
     found = [[detection.d_prime_by_answers(h, n, f, n) for f in counts] for h in counts]
