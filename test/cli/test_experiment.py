@@ -18,7 +18,7 @@ from nightly import rest_slow
 from running import Start
 
 Ran = Callable[..., str]
-FOUR = ("experiment", "--lockstep", "duration:=5", "surface:=text")
+FOUR = ("experiment", "--lockstep", "duration:=3", "surface:=text")
 NETWORK = ["--delay", "20", "--jitter", "10"]
 KEYS = {
     *("surface", "controller", "seed", "seconds", "nrmse_percent", "r2", "latency_samples"),
@@ -34,7 +34,7 @@ def figures(file: Path) -> list[dict[str, Any]]:
 
 
 def test_lockstep_gives_the_nine_conditions_and_again_the_same(ran: Ran, here: Path) -> None:
-    words = ["experiment", "--lockstep", "duration:=2", "seed:=5"]
+    words = ["experiment", "--lockstep", "duration:=1.5", "seed:=5"]
     for name, chosen in (("a", "none,constant,dynamic"), ("b", "dynamic")):
         text = ran(*words, "--controllers", chosen, "--json", f"{name}.json", "--out", name)
     conditions = figures(here / "a.json")
@@ -45,7 +45,7 @@ def test_lockstep_gives_the_nine_conditions_and_again_the_same(ran: Ran, here: P
     ]
     for condition in conditions:
         assert set(condition) == KEYS
-        assert condition["seconds"] == 2.0
+        assert condition["seconds"] == 1.5
         assert (condition["latency_samples"], condition["after_samples"]) == (1, 2)
         assert condition["bound_percent"] <= condition["limited_bound_percent"]
     told = " ".join(text.split())

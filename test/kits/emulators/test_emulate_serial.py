@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import shlex
 import signal
@@ -28,7 +29,8 @@ from haptic_accel.devices.serial.device import SerialMaster, SerialMasterParamet
 from haptic_accel.devices.serial.protocol import FULL_SCALE
 from haptic_accel.setup.files import read_parameter_file
 from observing import Observer
-from running import PATIENCE, Start, piped
+from running import PATIENCE, Start
+from verbs import status_of
 
 RATE = 1000.0
 FREQUENCY = 100.0
@@ -94,25 +96,26 @@ RIGS = [("paper", "z", "ud"), ("three_axis", "xyz", "123456")]
 @pytest.mark.quiet
 @pytest.mark.parametrize(("rig", "axis", "keys"), RIGS)
 def test_keys_turn_the_boards_over_for_a_calibration(
-    terminals: Any, tmp_path: Path, rig: str, axis: str, keys: str
+    terminals: Any, here: Path, monkeypatch: pytest.MonkeyPatch, rig: str, axis: str, keys: str
 ) -> None:
     emulate = ("-m", "haptic_accel.cli.main", "emulate", "serial", "folder:=boards")
     boards = terminals(*emulate, f"rig:={rig}")
     boards.wait_for("keys: u, d")
-    (tmp_path / "rig.yaml").write_text("/**: {ros__parameters: {rate: 1000.0}}\n")
+    (here / "rig.yaml").write_text("/**: {ros__parameters: {rate: 1000.0}}\n")
+    poses = zip(keys, itertools.cycle(("up", "down")), strict=False)
+
+    def turn_over(question: str) -> str:
+        key, way = next(poses)
+        assert f"axis {way}" in question
+        boards.press(key.encode())
+        time.sleep(0.3)  # samples of before have arrived
+        return ""
+
+    monkeypatch.setattr("builtins.input", turn_over)
     words = f"calibrate port:=boards/master axis:={axis} seconds:=0.2 --update rig.yaml"
-    with piped(tmp_path, "-m", "haptic_accel.cli.main", *words.split()) as command:
-        assert command.stdin
-        assert command.stdout
-        for place, key in enumerate(keys):
-            assert f"axis {('up', 'down')[place % 2]}" in command.stdout.readline()
-            boards.press(key.encode())
-            time.sleep(0.3)  # samples of before have arrived
-            command.stdin.write("\n")
-            command.stdin.flush()
-        text = command.stdout.read()
-    assert command.returncode == 0, text
-    found = read_parameter_file(tmp_path / "rig.yaml")["master_device"]
+    assert status_of(*words.split()) == 0
+    assert not [*poses]
+    found = read_parameter_file(here / "rig.yaml")["master_device"]
     # The emulated sensor is exact.
     nominal = RigParameters().master.accelerometer.range / FULL_SCALE
     several = "s" if len(axis) > 1 else ""

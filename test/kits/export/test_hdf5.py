@@ -21,7 +21,9 @@ from haptic_accel.core.trial import Trial
 from verbs import output_of
 
 
-def test_frames_are_as_aloha_has_them(tmp_path: Path, recorded: Recorded) -> None:
+def test_frames_are_as_aloha_has_them_and_signals_those_of_the_bag_to_the_last_digit(
+    tmp_path: Path, recorded: Recorded
+) -> None:
     words = ("--format", "hdf5", "--fps", "50", "--out", tmp_path / "out")
     output_of("export", recorded.path, recorded.path, *words)
     names = sorted(file.name for file in (tmp_path / "out").iterdir())
@@ -42,13 +44,6 @@ def test_frames_are_as_aloha_has_them(tmp_path: Path, recorded: Recorded) -> Non
         master = found.signals[topics.MASTER_POSITION.name]
         index = np.searchsorted(master.stamps, begin + 20_000_000, side="right") - 1
         assert action[0] == pytest.approx(master.values[index], abs=1e-7)
-
-
-def test_signals_are_those_of_the_bag_to_the_last_digit(
-    tmp_path: Path, recorded: Recorded
-) -> None:
-    output_of("export", recorded.path, "--format", "hdf5", "--out", tmp_path / "out")
-    with h5py.File(tmp_path / "out" / "episode_0.hdf5") as file:
         written = vectors(recorded.trial)
         assert set(file["signals"]) == set(written)
         for name, values in written.items():

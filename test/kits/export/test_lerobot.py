@@ -152,7 +152,9 @@ def test_the_series_beside_it_are_untouched(dataset: Path, recorded: Recorded) -
 
 
 @pytest.mark.smoke
-def test_three_axes_have_three_columns(tmp_path: Path) -> None:
+def test_three_axes_have_three_columns_and_no_place_in_a_set_of_one(
+    tmp_path: Path, recorded: Recorded
+) -> None:
     write_bag(tmp_path / "bag", rig="three_axis")
     words = ("--fps", "50", "--task", "write", "--out", tmp_path / "set")
     assert status_of("export", tmp_path / "bag", "--format", "lerobot", *words) == 0
@@ -161,12 +163,7 @@ def test_three_axes_have_three_columns(tmp_path: Path) -> None:
     assert [names[6], names[26], names[-2]] == ["vibration.x.0", "vibration.y.0", "vibration.z.19"]
     assert pd.read_parquet(tmp_path / "set" / "meta" / "tasks.parquet").index.tolist() == ["write"]
 
-
-def test_bags_with_other_axes_are_refused_and_nothing_is_left(
-    tmp_path: Path, recorded: Recorded
-) -> None:
-    write_bag(tmp_path / "bag", rig="three_axis")
-    words = ("--format", "lerobot", "--out", tmp_path / "set")
+    words = ("--format", "lerobot", "--out", tmp_path / "both")
     line = refusal("export", recorded.path, tmp_path / "bag", *words)
     assert "must be as the bags before it in one set" in line
-    assert [each.name for each in tmp_path.iterdir()] == ["bag"]
+    assert {each.name for each in tmp_path.iterdir()} == {"bag", "set"}, "nothing is left"

@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable
+from itertools import cycle
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -126,9 +127,13 @@ HARMLESS: dict[str, Change] = {
 }
 """Guises that leave all figures as they are."""
 
+FOLDERS = ("study", "a b", "#1?%20", "-x", "Ünï")
+"""Names of a study's folder, one after the other."""
 
-@pytest.mark.parametrize("change", HARMLESS.values(), ids=HARMLESS)
-@pytest.mark.parametrize("name", ["study", "a b", "#1?%20", "-x", "Ünï"])
+
+@pytest.mark.parametrize(
+    ("change", "name"), [*zip(HARMLESS.values(), cycle(FOLDERS), strict=False)], ids=HARMLESS
+)
 def test_a_harmless_guise_changes_no_figure(
     right: Path, change: Change, name: str, tmp_path: Path
 ) -> None:

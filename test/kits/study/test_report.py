@@ -185,7 +185,7 @@ def shortened(name: str) -> Protocol:
     return replace(study, procedure=procedure)
 
 
-@pytest.mark.parametrize("name", templates())
+@pytest.mark.parametrize("name", rest_slow(templates(), now=3))
 def test_each_template_is_reported_from_simulated_observers(name: str, tmp_path: Path) -> None:
     study = shortened(name)
     found = analyse_study(study, simulate_study(study, SHORT, 1))
