@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from running import python
 
 PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
 
@@ -42,8 +42,7 @@ for module, absent in (
 
 
 def run(folder: Path, code: str) -> None:
-    command = [sys.executable, "-c", WITHOUT_POSIX + code]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    done = python("-c", WITHOUT_POSIX + code, cwd=folder)
     assert done.returncode == 0, done.stderr
 
 

@@ -14,7 +14,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from haptic_accel.core.control.compensation import CompensationParameters
+from haptic_accel.core.control.controllers.feedback import FeedbackParameters
 from haptic_accel.core.control.controllers.inverse import InverseParameters
+from haptic_accel.core.control.controllers.paper import ConstantParameters
 from haptic_accel.core.control.inversion.spectrum import TexturePrior
 from haptic_accel.core.coupling.passive import CouplingParameters
 from haptic_accel.core.model import AccelerometerParameters, ApproximateModel, HandleParameters
@@ -215,6 +217,8 @@ IMPOSSIBLE: dict[type[Checked], list[tuple[str, Any, str]]] = {
         *(("controller", "magic", "one of none"), ("high_pass_frequency", 0.0, "")),
         ("high_pass_frequency", math.nan, ""),
     ],
+    ConstantParameters: [("mass", value, "at least 0 kg") for value in (-0.1, math.nan, math.inf)],
+    FeedbackParameters: [("feedforward", "adaptive", "one of ")],
     InverseParameters: [
         ("granted_time", -0.001, "from 0 to 0.1 s"),
         ("granted_time", 1.5, "from 0 to 0.1 s"),

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from running import piped, processes_of, reserved_domain, wait_until
+from running import piped, processes_of, python, reserved_domain, wait_until
 
 HERE = Path(__file__).parent
 TESTS = HERE.parent
@@ -83,17 +83,14 @@ def test_what_fails_for_another_reason():
 """
 
 
-def suite(
-    folder: Path, *words: str, content: str = "", **values: object
-) -> subprocess.CompletedProcess[str]:
+def suite(folder: Path, content: str = "", **values: object) -> subprocess.CompletedProcess[str]:
     """Run a small suite with this conftest and settings."""
     (folder / "test_small.py").write_text(content or SUITE.format(**values))
     (folder / "conftest.py").write_text((TESTS / "conftest.py").read_text())
     settings = (TESTS.parent / "pyproject.toml").read_text()
     own = settings.replace('pythonpath = ["test/support"', f'pythonpath = ["{HERE}"')
     (folder / "pyproject.toml").write_text(own)
-    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *words, "test_small.py"]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return python("-m", "pytest", "-p", "no:cacheprovider", "test_small.py", cwd=folder)
 
 
 def test_what_the_machine_is_to_blame_for_is_run_again_and_listed(tmp_path: Path) -> None:

@@ -6,12 +6,11 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from running import python
 from untouched_parts import SOURCE, git, untouched
 
 pytestmark = pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
@@ -126,20 +125,12 @@ def test_each_kit_has_a_smoke_test() -> None:
         assert any("mark.smoke" in file.read_text() for file in kit.rglob("*.py")), kit
 
 
-def test_of_an_untouched_kit_smoke_tests_run() -> None:
-    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"]
-    command += ["--untouched-parts=export,link", "test/kits/link", "test/kits/test_removal.py"]
-    found = subprocess.run(command, cwd=SOURCE, capture_output=True, text=True, check=True).stdout
-    of_kit = [line for line in found.splitlines() if line.startswith("test/kits/link")]
-    assert {line.partition("::")[0] for line in of_kit} == {"test/kits/link/test_link.py"}
-    assert 0 < len(of_kit) < 5
-    assert "test/kits/test_removal.py::" in found
-
-
-def test_of_an_untouched_core_what_limits_forces_and_what_uses_other_parts_runs() -> None:
-    files = ["tick/test_guard.py", "test_trial.py", "control/test_filters.py"]
-    files = [f"test/core/{file}" for file in files]
-    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"]
-    command += ["--untouched-parts=core", *files]
-    found = subprocess.run(command, cwd=SOURCE, capture_output=True, text=True, check=True).stdout
-    assert {line.partition("::")[0] for line in found.splitlines() if "::" in line} == {*files[:2]}
+def test_of_untouched_parts_run_what_limits_forces_what_uses_others_and_smoke_tests() -> None:
+    files = ["core/tick/test_guard.py", "core/test_trial.py", "core/control/test_filters.py"]
+    files = [f"test/{file}" for file in (*files, "kits/link", "kits/test_removal.py")]
+    words = "-m pytest --collect-only -q -p no:cacheprovider --untouched-parts=core,export,link"
+    found = python(*words.split(), *files, cwd=SOURCE, check=True).stdout
+    names = [line.partition("::")[0] for line in found.splitlines() if "::" in line]
+    kit = "test/kits/link/test_link.py"
+    assert set(names) == {*files[:2], kit, "test/kits/test_removal.py"}
+    assert 0 < names.count(kit) < 5

@@ -35,7 +35,7 @@ def response(sections: FloatArray, frequency: FloatArray, rate: float) -> Comple
 
 @pytest.mark.parametrize("rate", [1000.0, 4000.0])
 def test_the_high_pass_is_a_butterworth_of_fourth_order(rate: float) -> None:
-    frequency = np.array([1.0, 5.0, 10.0, 15.0, 20.0, 50.0, 100.0, 200.0, 400.0])
+    frequency = np.array([0.0, 1.0, 5.0, 10.0, 15.0, 20.0, 50.0, 100.0, 200.0, 400.0])
     # The bilinear transform maps f to tan(pi f / rate); the corner stays where it is.
     ratio = np.tan(np.pi * frequency / rate) / np.tan(np.pi * 15.0 / rate)
     expected = np.sqrt(ratio**8 / (1 + ratio**8))
@@ -43,13 +43,6 @@ def test_the_high_pass_is_a_butterworth_of_fourth_order(rate: float) -> None:
         response(filters.high_pass(filters.HIGH_PASS_FREQUENCY, rate), frequency, rate)
     )
     assert magnitude == pytest.approx(expected, rel=1e-6, abs=1e-9)
-
-
-def test_a_constant_leaves_nothing() -> None:
-    stream = SampleFilter(filters.high_pass(15.0, 1000.0))
-    output = [stream.process(9.81) for _ in range(2000)]
-    assert abs(output[0]) > 1.0
-    assert max(map(abs, output[-100:])) < 1e-9
 
 
 @pytest.mark.parametrize("rate", [1000.0, 4000.0])
@@ -139,22 +132,17 @@ def test_the_inverse_times_the_model_is_one(
     assert np.abs(product - 1).max() < tolerance
 
 
-def test_the_inverse_divides_by_the_gain() -> None:
-    frequency = np.array([1.0, 30.0, 200.0])
-    one = response(filters.inverse_of(ApproximateModel(), 1000.0), frequency, 1000.0)
-    four = response(filters.inverse_of(ApproximateModel(gain=4.0), 1000.0), frequency, 1000.0)
-    assert four == pytest.approx(one / 4)
-
-
 @untimed
 @given(
     st.lists(st.floats(2.0, 50.0), min_size=4, max_size=4),
     st.lists(st.floats(0.1, 1.0), min_size=4, max_size=4),
+    st.floats(0.1, 10.0),
 )
 def test_any_model_is_inverted_where_it_acts(
-    frequencies: list[float], damping: list[float]
+    frequencies: list[float], damping: list[float], gain: float
 ) -> None:
     model = ApproximateModel(
+        gain=gain,
         **{f"{pair}_frequency": f for pair, f in zip(PAIRS, frequencies, strict=True)},
         **{f"{pair}_damping": d for pair, d in zip(PAIRS, damping, strict=True)},
     )

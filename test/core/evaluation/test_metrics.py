@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+import cmath
 import dataclasses
+import itertools
 import json
 import math
 from collections.abc import Callable
@@ -283,6 +285,51 @@ def test_unfit_numbers_are_refused(
 ) -> None:
     with pytest.raises(ValueError, match=message):
         function(np.ones(samples), np.ones(samples), *numbers)
+
+
+# Bands
+
+
+@settings(max_examples=30)
+@given(st.floats(0.0, 3.0), st.floats(-math.pi, math.pi))
+def test_a_sine_has_the_distance_of_its_phasors_in_its_band(gain: float, phase: float) -> None:
+    actual = sine(gain, phase, 90.0)
+    found = metrics.band_nrmse(sine(frequency=90.0), actual, RATE, metrics.bands(RATE))
+    assert found["60-125 Hz"] == pytest.approx(abs(gain * cmath.exp(1j * phase) - 1), abs=1e-3)
+    assert math.isnan(found["250-500 Hz"])
+
+
+def test_bands_do_not_hear_each_other() -> None:
+    tones = [sine(frequency=frequency) for frequency in (40.0, 90.0, 180.0)]
+    desired, actual = sum(tones), 0.5 * tones[0] + tones[1] - tones[2]
+    found = metrics.band_nrmse(desired, actual, RATE, metrics.bands(RATE))
+    assert found["30-60 Hz"] == pytest.approx(0.5, abs=1e-3)
+    assert found["60-125 Hz"] == pytest.approx(0.0, abs=1e-3)
+    assert found["125-250 Hz"] == pytest.approx(2.0, abs=1e-3)
+
+
+def test_of_white_noise_every_band_has_the_error_of_the_whole() -> None:
+    generator = np.random.default_rng(1)
+    desired = generator.normal(size=60_000)
+    actual = desired + 0.4 * generator.normal(size=60_000)
+    found = metrics.band_nrmse(desired, actual, RATE, metrics.bands(RATE))
+    whole = metrics.nrmse(desired, actual)
+    assert whole == pytest.approx(0.4, rel=0.02)
+    assert list(found.values()) == pytest.approx([whole] * len(found), rel=0.08)
+
+
+@given(st.floats(31.0, 20_000.0))
+def test_bands_lie_side_by_side_up_to_half_the_rate(rate: float) -> None:
+    found = metrics.bands(rate)
+    assert found[0].low == metrics.BAND_EDGES[0]
+    assert found[-1].high == min(rate / 2, metrics.BAND_EDGES[-1])
+    assert all(one.high == other.low for one, other in itertools.pairwise(found))
+    assert all(band.low < band.high for band in found)
+
+
+def test_the_bands_of_the_papers_rate_have_names() -> None:
+    named = ", ".join(band.name for band in metrics.bands(1000.0))
+    assert named == "15-30 Hz, 30-60 Hz, 60-125 Hz, 125-250 Hz, 250-500 Hz"
 
 
 # The paper

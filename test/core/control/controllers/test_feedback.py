@@ -30,7 +30,6 @@ from haptic_accel.core.control.inversion.spectrum import TexturePrior
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import approximate_model
 from haptic_accel.core.model import FloatArray, HandleParameters
-from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.trial import run_trial
@@ -62,17 +61,6 @@ def texture(rate: float, seconds: float = 2.0) -> FloatArray:
     lines[(frequency < 50.0) | (frequency > 150.0)] = 0.0
     values = np.fft.irfft(lines, count)
     return np.asarray(1.5 * values / values.std())
-
-
-def test_it_is_registered() -> None:
-    assert CONTROLLERS["feedback"] is FeedbackController
-    assert FeedbackController.Parameters() == FeedbackParameters()
-    assert schema(FeedbackParameters).keys() > schema(InverseParameters).keys()
-
-
-def test_a_feedforward_that_does_not_exist_is_refused() -> None:
-    with pytest.raises(ParameterError, match="^feedforward = "):
-        FeedbackParameters(feedforward="adaptive")
 
 
 @pytest.mark.parametrize("frequency", [25.0, 80.0, 300.0])
