@@ -89,8 +89,7 @@ def test_a_scaled_and_delayed_copy_has_exact_figures(tmp_path: Path) -> None:
     assert found["delay_ms"] == pytest.approx(3.0, abs=0.01)
     assert found["nrmse_60_125_Hz_percent"] == pytest.approx(25.0, abs=0.2)
     assert found["nrmse_low_percent"] <= found["nrmse_percent"] <= found["nrmse_high_percent"]
-    desired = texture(0, 6.0)
-    assert found["force_rms_N"] == pytest.approx(0.128 * np.sqrt(np.mean(desired**2)))
+    assert found["force_rms_N"] == pytest.approx(0.128 * np.sqrt(np.mean(texture(0, 6.0) ** 2)))
 
 
 def test_the_share_that_a_hand_could_not_tell_is_reported_beside_the_error(tmp_path: Path) -> None:
@@ -163,8 +162,7 @@ def test_the_bounds_are_those_of_the_simulated_handle_and_tell_what_cannot_be_fo
     told = f"within the actuator's limits: plywood {lowest:.1f} %."
     assert line_with("error possible", analysis).endswith(told)
     alone = "The input itself cannot be followed on plywood"
-    unfollowed = any(line.startswith(alone) for line in summary(analysis))
-    assert unfollowed == (lowest >= UNFOLLOWED)
+    assert any(line.startswith(alone) for line in summary(analysis)) == (lowest >= UNFOLLOWED)
 
 
 @pytest.mark.parametrize(
@@ -197,8 +195,7 @@ def test_bags_of_several_latencies_are_named_together(tmp_path: Path) -> None:
         content = copy(delay=latency + 1, seed=latency, seconds=2.0)
         content.metadata["arguments"]["latency"] = latency
         write_bag(tmp_path / f"bag{latency}", content)
-    found = load(tmp_path).shifted_by
-    assert found == "1 ms (1 sample) or 2 ms (2 samples)"
+    assert load(tmp_path).shifted_by == "1 ms (1 sample) or 2 ms (2 samples)"
 
 
 def test_controllers_without_a_surface_in_common_have_their_errors_told(tmp_path: Path) -> None:
@@ -429,8 +426,7 @@ def late_forces(tmp_path: Path, **counts: str) -> tuple[list[str], dict[str, Any
 def test_forces_that_were_late_by_the_clock_are_told_as_a_hand_would_have_felt_them(
     tmp_path: Path,
 ) -> None:
-    counts = {PAST_TICK: "2", LONGEST: "5250", LATE_TIME: "0.02"}
-    told, row = late_forces(tmp_path, **counts)
+    told, row = late_forces(tmp_path, **{PAST_TICK: "2", LONGEST: "5250", LATE_TIME: "0.02"})
     # 0.02 s of the 1000 forces' 1 s.
     assert (
         "7 of 2000 forces took effect more than 0.25 periods after their due time, the latest by"

@@ -122,6 +122,5 @@ def test_a_file_that_was_edited_after_the_recording_is_no_divergence(tmp_path: P
 def test_a_bag_states_the_changes_of_its_trial(tmp_path: Path) -> None:
     setup = Setup.of(ARGUMENTS).changed({"coupler": {"k_m": 150.0}})
     record_trial(tmp_path / "bag", lockstep_trial(setup), setup, START)
-    stated = read_bag(tmp_path / "bag").metadata["parameters"]["coupler"]["k_m"]
-    assert stated == 150.0
+    assert read_bag(tmp_path / "bag").metadata["parameters"]["coupler"]["k_m"] == 150.0
     assert find_divergence(tmp_path / "bag").first is None

@@ -110,8 +110,7 @@ def test_page_shows_its_figures_without_other_files(page: Page) -> None:
 def test_every_parameter_has_unit_truth_and_a_pair_of_cells_for_each_grip(
     page: Page, two: Identification
 ) -> None:
-    heading = page.tables[0][0]
-    assert heading == ["parameter", "unit", "true", "pinch", "hook", POOLED]
+    assert page.tables[0][0] == ["parameter", "unit", "true", "pinch", "hook", POOLED]
     fits = [*(grip.fit for grip in two.grips.values()), two.fit]
     for name, (_, given) in own_schema(HandleParameters).items():
         unit, true, *cells = page.row(0, name)

@@ -64,8 +64,7 @@ def test_the_parameter_file_names_model_and_axes(result: ThreeAxisResult) -> Non
     assert compensator["axes"] == "x, y, z"
     assert compensator["plant"]["model"] == "/rig/identification.json"
     assert compensator["plant"]["doubt"] == "axis x: doubtful"
-    actuator = content["/**"]["ros__parameters"]["actuator"]
-    assert actuator["b_s"] == pytest.approx(2.0, rel=0.01)
+    assert content["/**"]["ros__parameters"]["actuator"]["b_s"] == pytest.approx(2.0, rel=0.01)
 
 
 def test_the_page_shows_parameters_and_figures(result: ThreeAxisResult, tmp_path: Path) -> None:

@@ -78,8 +78,7 @@ def test_a_path_may_be_a_string_or_a_path(trial: Any) -> None:
         rig, surface = (
             kind(preset_file(*each)) for each in (("rig", "ideal"), ("surface", "text"))
         )
-        same = run_trial("dynamic", rig, surface, latency=2, **SHORT)
-        assert same.nrmse() == trial.nrmse()
+        assert run_trial("dynamic", rig, surface, latency=2, **SHORT).nrmse() == trial.nrmse()
 
 
 def test_a_bag_is_written_once_and_read_by_its_path_as_a_string(tmp_path: Path) -> None:

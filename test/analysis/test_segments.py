@@ -72,8 +72,7 @@ def test_a_change_of_controller_or_surface_ends_a_segment(tmp_path: Path) -> Non
 def test_a_surface_changed_in_part_is_another_one(tmp_path: Path) -> None:
     changes = [(2.0, "slave_device", "simulated.surface.friction", "0.9")]
     written = content(4.0)
-    parameters = written.metadata["parameters"]
-    parameters["slave_device"]["simulated.surface.friction"] = 0.35
+    written.metadata["parameters"]["slave_device"]["simulated.surface.friction"] = 0.35
     found = cut_of(tmp_path, replace(written, changes=changes))
     names = [segment.condition.surface for segment in found.segments]
     assert names == ["plywood", "plywood (altered)"]

@@ -172,8 +172,7 @@ def test_the_direction_is_told_in_words_table_and_json(analysis: Analysis) -> No
 
 
 def test_each_axis_has_its_own_signals(bags: Path, analysis: Analysis) -> None:
-    segment = analysis.trials[1].segment
-    columns = list(signal_table(segment))
+    columns = list(signal_table(analysis.trials[1].segment))
     assert columns[:2] == ["tool_acceleration_x_m_s2", "tool_acceleration_y_m_s2"]
     assert columns[-1] == "actual_acceleration_z_m_s2"
     assert len(columns) == 15

@@ -147,8 +147,7 @@ def test_only_bags_of_one_run_are_compared(tmp_path: Path) -> None:
 def test_an_operator_who_never_heard_the_robots_clock_is_on_no_axis_with_it(
     tmp_path: Path,
 ) -> None:
-    unheard = operator(diagnostics=reports(bound=math.inf))
-    assert compared(tmp_path, unheard, robot()) == []
+    assert compared(tmp_path, operator(diagnostics=reports(bound=math.inf)), robot()) == []
 
 
 def test_a_handle_that_does_not_follow_is_named(tmp_path: Path) -> None:

@@ -124,8 +124,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write a report of nine conditions, once because it is only read."""
     folder = tmp_path_factory.mktemp("results")
     analysis = analysed(folder / "bags", *((s, c) for s in SURFACES for c in GAINS))
-    first = analysis.trials[0].segment
-    files = {"signals_plywood_constant.csv": signal_table(first)}
+    files = {"signals_plywood_constant.csv": signal_table(analysis.trials[0].segment)}
     write_analysis(analysis, folder, setting=SETTING, files=files)
     return folder
 

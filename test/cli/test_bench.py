@@ -30,15 +30,13 @@ def test_latency_gives_well_formed_figures_of_graph_and_empty_loop(
     assert set(ages) == LABELS
     # Latency is one sample: no force takes effect before the next tick.
     assert 0.005 * 1e6 < ages["p50"] * 1.01 <= ages["p99"] * 1.01 <= ages["max"] * 1.01
-    kinds = {"actuator force", "master arm force", "slave arm force"}
-    assert set(figures["deadlines"]) == kinds
+    assert set(figures["deadlines"]) == {"actuator force", "master arm force", "slave arm force"}
     for counts in figures["deadlines"].values():
         assert counts["due"] > 400
         assert 0 <= counts["missed"] <= counts["due"]
     assert figures["empty_loop"]["of"] >= 800
     assert set(figures["period_error_us"]) == {"master_device", "slave_device"}
-    names = {topic.name for topic in SIGNALS}
-    assert set(figures["lost"]) == names
+    assert set(figures["lost"]) == {topic.name for topic in SIGNALS}
     assert "one process for master_device, slave_device, coupler and compensator" in command.text
     assert figures["composed"] is True
     assert set(figures["cpu_cores"]) == {"composed", "recorder", "total"}

@@ -34,8 +34,7 @@ def take_over(observer: Observer, haptic_accel: Start, ask: Ask) -> None:
     change = haptic_accel("control", "controller:=adaptive", "reset:=true")
     assert change.end() == 0, change.text
     assert change.lines == ["compensator: controller none -> adaptive", "compensator: reset done"]
-    frozen = "compensator: adaptive.frozen False -> True"
-    assert ask("control", "frozen:=true") == (0, frozen)
+    assert ask("control", "frozen:=true") == (0, "compensator: adaptive.frozen False -> True")
     observer.status("compensator", frozen="true")
 
 
@@ -95,8 +94,7 @@ def change_rig(graph: Command, observer: Observer, ask: Ask) -> None:
         "slave_device": {"surface__friction": 0.9, "surface__stiffness": -1.0},
         "master_device": {"grip__variation": 0.1, "grip__posture": "fist"},
     }.items():
-        reason = reason_of(node, **wrong)
-        assert f"simulated.{list(wrong)[1].replace('__', '.')}" in reason
+        assert f"simulated.{list(wrong)[1].replace('__', '.')}" in reason_of(node, **wrong)
     assert "simulated.tool.mass" in reason_of("slave_device", tool__mass=1.0)
     assert value("slave_device", "simulated.surface.friction") == 0.7
     assert value("master_device", "simulated.grip.variation") != 0.1

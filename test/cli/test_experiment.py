@@ -168,8 +168,7 @@ def test_ctrl_c_reports_what_was_done_and_how_to_go_on(
     assert ("the same command goes on" in told) == bool(out)
     folder = tmp_path / words[-1]
     assert (folder / "index.html").is_file()
-    again = ran(*words)
-    assert f"of 4 conditions are taken from {words[-1]}/unfinished.part" in again
+    assert f"of 4 conditions are taken from {words[-1]}/unfinished.part" in ran(*words)
     assert not (folder / "unfinished.part").exists()
     assert len(list((folder / "bags").iterdir())) == 4
 
@@ -195,8 +194,7 @@ def test_a_recording_is_the_input_of_all_controllers(ran: Ran, here: Path) -> No
     words = ("surface:=mine.csv", "recording_rate:=1000", "duration:=2")
     ran("experiment", "--lockstep", *words, "--json", "figures.json", "--out", "report")
     conditions = figures(here / "figures.json")
-    compared = ["none", "constant", "dynamic", "adaptive"]
-    assert [c["controller"] for c in conditions] == compared
+    assert [c["controller"] for c in conditions] == ["none", "constant", "dynamic", "adaptive"]
     assert {c["surface"] for c in conditions} == {"recording"}
     page = (here / "report" / "index.html").read_text()
     assert '<th scope="row">surface</th><td class="words">mine.csv</td>' in page

@@ -176,8 +176,7 @@ def test_an_actuator_near_its_stops_is_left_without_force(
     assert "travel: " in command.text
     assert "smaller amplitude" in command.text
     assert "Traceback" not in command.text
-    sent = forces(tmp_path / "found" / "bags" / "average")
-    assert sent[-1] == 0.0
+    assert forces(tmp_path / "found" / "bags" / "average")[-1] == 0.0
     assert not (tmp_path / "found" / "handle.yaml").exists()
 
 

@@ -205,8 +205,7 @@ def command_lines(draw: st.DrawFn) -> tuple[str, ...]:
     keyed = [st.builds("{}:={}".format, st.sampled_from(keys), argument_values)] if keys else []
     forms += keyed * 5
     forms += [argument_values, st.sampled_from([*flags, "--", "-", ":=", "status"])]
-    words = draw(st.lists(st.one_of(forms), max_size=4))
-    return *verb, *words
+    return *verb, *draw(st.lists(st.one_of(forms), max_size=4))
 
 
 def names(words: Words) -> list[str]:
@@ -308,8 +307,7 @@ def test_it_starts_without_what_computes_and_draws(words: str) -> None:
         "except SystemExit: pass\n"
         "print(*{'numpy', 'scipy', 'rich', 'yaml', 'rclpy'} & {*sys.modules})"
     )
-    done = python("-c", code, check=True)
-    assert done.stdout.splitlines()[-1] == ""
+    assert python("-c", code, check=True).stdout.splitlines()[-1] == ""
 
 
 def limited(limit: str, *words: object, output: str = "/dev/null") -> tuple[int, str]:

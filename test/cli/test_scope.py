@@ -35,8 +35,7 @@ def test_the_graph_outlives_its_scope_and_another_takes_its_place(
     graph.wait_for("ended with status -9; the graph goes on without it")
     port = free_port()
     looking = haptic_accel("scope", f"port:={port}")
-    address = looking.wait_for("http").split()[0]
-    assert asyncio.run(first_frames(address)) > 0
+    assert asyncio.run(first_frames(looking.wait_for("http").split()[0])) > 0
     second = haptic_accel("scope", f"port:={port}")
     assert second.end() == 1
     assert [f"port = {port}" in line for line in second.lines if "scope:" in line] == [True]

@@ -87,8 +87,7 @@ def check_followed(messages: Mapping[str, list[Any]]) -> None:
     assert len(both) > LEAST_ARRIVED * len(desired)
     # Table I: the constant gain is the 0.128 kg of handle and hand. The actuator's limits, which
     # a tool that hits the surface reaches where forces come late, only make it smaller.
-    pairs = np.array([(forces[moment], 0.128 * desired[moment]) for moment in both])
-    force, wanted = pairs.T
+    force, wanted = np.array([(forces[moment], 0.128 * desired[moment]) for moment in both]).T
     limited = np.abs(force - wanted) > 1e-12
     assert np.all(np.abs(force[limited]) < np.abs(wanted[limited]))
     assert limited.mean() < 0.5

@@ -284,8 +284,7 @@ def test_what_a_page_tells_to_type_runs(
     monkeypatch.chdir(tmp_path)
     for words in filter(is_run, in_blocks(page)):
         found = [sorted(map(str, Path().glob(word))) or [word] for word in words[1:]]
-        expanded = [name for names in found for name in names]
-        assert status_of(*expanded) == 0, words
+        assert status_of(*[name for names in found for name in names]) == 0, words
 
 
 def needs_a_graph(words: Sequence[str]) -> bool:

@@ -240,8 +240,7 @@ def test_a_graph_runs_with_the_controller_and_the_driver_of_packages(
 
 
 def test_the_notebook_of_the_page_runs() -> None:
-    text = (SOURCE / "docs" / "api.md").read_text()
-    (code,) = PYTHON.findall(text)
+    (code,) = PYTHON.findall((SOURCE / "docs" / "api.md").read_text())
     names: dict[str, Any] = {}
     pyplot.switch_backend("agg")
     exec(code, names)

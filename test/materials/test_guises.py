@@ -225,8 +225,7 @@ def test_a_mesh_is_read_alike_in_any_form(
     assert ("inwards" in remark) == inwards
     assert grid.shape == (16, 11, 11)
     assert corner == pytest.approx([-0.028, -0.02, -0.02], abs=1e-8)
-    indices = np.moveaxis(np.indices(grid.shape), 0, -1).reshape(-1, 3)
-    places = corner + SPACING * indices
+    places = corner + SPACING * np.moveaxis(np.indices(grid.shape), 0, -1).reshape(-1, 3)
     one, other = (
         np.max(np.abs(places - middle) - half, axis=1)
         for middle, half in (

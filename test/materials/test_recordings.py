@@ -212,8 +212,7 @@ def test_a_recording_shows_the_limits_of_its_sensor(
 
 
 def test_axes_that_do_not_work_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    columns = {"x": NOISE, "y": NOISE[::-1] / 20, "z": 0 * NOISE}
-    path = write_csv(tmp_path / "a.csv", columns)
+    path = write_csv(tmp_path / "a.csv", {"x": NOISE, "y": NOISE[::-1] / 20, "z": 0 * NOISE})
     read_recording(path, 1000.0, 1000.0, "x,y,z", most_columns=3)
     (told,) = caplog.messages
     assert told.startswith(f"{path}: z: has a standard deviation of 0 m/s^2, another axis 1")
@@ -509,8 +508,7 @@ def test_samples_beyond_full_scale_are_refused_or_told(
     path = tmp_path / "a.wav"
     wavfile.write(path, 1000, np.full(2000, -12.5))
     assert "samples reach 12.5, beyond the full scale of 1" in refusal(path, 0.0, 1000.0)
-    found = read_recording(path, 0.0, 1000.0, full_scale=1.0)
-    assert found.tolist() == [-12.5] * 2000
+    assert read_recording(path, 0.0, 1000.0, full_scale=1.0).tolist() == [-12.5] * 2000
     assert caplog.messages == [
         f"{path}: samples reach 12.5, beyond the full scale of 1: read as up to 12.5 m/s^2"
     ]
@@ -747,8 +745,7 @@ def test_a_loop_continues_as_the_original_did() -> None:
 
 
 def test_a_loop_keeps_offset_and_power() -> None:
-    noise = np.random.default_rng(0).normal(9.8, 1.0, 200_000)
-    loop = crossfaded(noise, 1000.0, seconds=99.0)
+    loop = crossfaded(np.random.default_rng(0).normal(9.8, 1.0, 200_000), 1000.0, seconds=99.0)
     assert len(loop) == 101_000
     assert loop.mean() == pytest.approx(9.8, abs=0.02)
     assert loop.std() == pytest.approx(1.0, rel=0.02)

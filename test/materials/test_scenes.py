@@ -72,8 +72,7 @@ def test_a_scene_has_what_its_file_says(file: Path) -> None:
 def test_a_scene_is_told_from_a_surface(file: Path) -> None:
     assert is_scene("workshop")
     assert is_scene(str(file))
-    names = ["plywood", "cave", str(preset_file("surface", "text"))]
-    assert not any(map(is_scene, names))
+    assert not any(map(is_scene, ["plywood", "cave", str(preset_file("surface", "text"))]))
 
 
 @pytest.mark.parametrize(
@@ -265,8 +264,7 @@ def box_of(low: float, high: float, inwards: bool = False, side: float = 5.0) ->
 
 
 def is_inside(grid: DistanceGrid, *along_x: float) -> list[bool]:
-    points = np.array([(x * 1e-3, 0.0, 0.0) for x in along_x])
-    return (grid.distances(points) < 0).tolist()
+    return (grid.distances(np.array([(x * 1e-3, 0.0, 0.0) for x in along_x])) < 0).tolist()
 
 
 def test_a_body_with_faces_inwards_in_another_is_a_hollow(tmp_path: Path) -> None:
@@ -275,8 +273,7 @@ def test_a_body_with_faces_inwards_in_another_is_a_hollow(tmp_path: Path) -> Non
     path = write_bodies(
         tmp_path / "case.obj", box_of(0, 30, side=10.0), inner, box_of(12, 18, side=2)
     )
-    found = is_inside(read_mesh(path, TINY), 3, 9, 15, 21, 27)
-    assert found == [True, False, True, False, True]
+    assert is_inside(read_mesh(path, TINY), 3, 9, 15, 21, 27) == [True, False, True, False, True]
 
 
 def test_a_mesh_with_all_faces_inwards_is_turned_and_told(

@@ -97,8 +97,7 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for each in conditions:
         experiment.run_lockstep(each)
     analysis = load(folder / "bags")
-    comparison = compared(analysis, "controller:none,dynamic")
-    write_analysis(analysis, folder / "analysis", comparison)
+    write_analysis(analysis, folder / "analysis", compared(analysis, "controller:none,dynamic"))
     arguments = {each.bag: each.arguments for each in conditions}
     live = experiment.Run(
         every, arguments, None, lockstep=False, expected=dict.fromkeys(arguments, 70.0)

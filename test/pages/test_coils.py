@@ -112,8 +112,7 @@ def test_nothing_waits_for_an_output_that_does_not_run_yet(page: Page) -> None:
     page.locator("#sound-on").click()
     wait_until(lambda: page.evaluate("moments.length > 60"), "it plays")
     # Frames come 60 times a second; the context's time stands still until its device runs.
-    alike = [len(list(group)) for _, group in groupby(page.evaluate("moments"))]
-    assert max(alike) < 6
+    assert max([len(list(group)) for _, group in groupby(page.evaluate("moments"))]) < 6
 
 
 PREDICT = """() => {

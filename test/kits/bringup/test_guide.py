@@ -73,8 +73,7 @@ def test_steps_are_done_now_or_waiting(guide: Guide) -> None:
 def test_lines_are_those_of_the_step_and_the_newest(guide: Guide) -> None:
     for line in ("ok: at rest", "NOT PASSED: noise 3 m/s^2", "  fix the sensor"):
         guide.tell(line)
-    kinds = [line["kind"] for line in guide.state()["lines"]]
-    assert kinds == ["ok", "failed", "plain"]
+    assert [line["kind"] for line in guide.state()["lines"]] == ["ok", "failed", "plain"]
     guide.begin(2, "make safe", "")
     assert guide.state()["lines"] == []
     for number in range(2 * KEPT_LINES):
@@ -122,8 +121,7 @@ def test_answers_at_the_same_moment_are_one(guide: Guide, pool: ThreadPoolExecut
         except CommandError:
             return ""
 
-    taken = list(filter(None, pool.map(press, range(4))))
-    assert taken == [answered.result(PATIENCE)]
+    assert list(filter(None, pool.map(press, range(4)))) == [answered.result(PATIENCE)]
 
 
 @pytest.mark.parametrize(("action", "value"), [("stop", "1:"), ("answer", "1"), ("answer", True)])

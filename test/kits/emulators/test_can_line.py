@@ -60,8 +60,7 @@ def test_frames_are_found_after_any_bytes_however_cut(
         adapter.receive(piece)
     adapter.receive(b"\rO\r")
     stream = b"".join(map(can_line.frame_line, wanted))
-    found = [frame for byte in stream for frame in adapter.receive(bytes([byte]))[0]]
-    assert found == wanted
+    assert [frame for byte in stream for frame in adapter.receive(bytes([byte]))[0]] == wanted
 
 
 def test_frames_pass_only_while_it_is_open() -> None:

@@ -50,8 +50,7 @@ def test_the_arms_couple_over_slcan_and_do_so_again_after_an_unplugging(
     given = (f"folder:={folder}", f"rate:={RATE:g}", "kinematics:=planar")
     faults = ("faults:=unplug@2.5", "fault_seconds:=0.3")
     emulator = haptic_accel("emulate", "can", *given, *faults)
-    line = emulator.wait_for("haptic-accel teleop master:=can slave:=can")
-    words = line.split()[1:]
+    words = emulator.wait_for("haptic-accel teleop master:=can slave:=can").split()[1:]
     teleop = haptic_accel(*words, "duration:=5", f"bag:={bag_path}")
     teleop.wait_for("can: slcan .*master: bus load up to .* % of 1 Mbit/s .2 joints at 100 Hz")
     emulator.wait_for("the arms have torques")

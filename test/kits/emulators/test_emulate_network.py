@@ -64,8 +64,7 @@ def test_words_typed_in_its_terminal_change_the_network() -> None:
         lines = iter(process.stdout.readline, "")
         assert any(line.startswith("network: ") for line in lines)
         keys.write(b"delay:=0.05\n")
-        expected = "network: delay:=0.05 jitter:=0.0 loss:=0.0 duplication:=0.0\n"
-        assert next(lines) == expected
+        assert next(lines) == "network: delay:=0.05 jitter:=0.0 loss:=0.0 duplication:=0.0\n"
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE) == 0
 

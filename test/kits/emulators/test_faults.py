@@ -31,8 +31,7 @@ def test_a_fault_with_a_time_acts_for_a_while_after_the_beginning() -> None:
     assert faults.begun
     found = []
     for time in (52.9, 53.0, 54.9, 55.1):
-        begun = faults.advance(time)
-        found.append((begun, faults.active(UNPLUG), faults.active(AXIS_ERROR)))
+        found.append((faults.advance(time), faults.active(UNPLUG), faults.active(AXIS_ERROR)))
         faults.begin()  # only the first counts
     outcomes = [([], False, False), ([UNPLUG], True, False), ([], True, False)]
     assert found == [*outcomes, ([AXIS_ERROR], False, True)]

@@ -143,7 +143,6 @@ def test_both_boards_do_the_same_whatever_comes(
     assert len(states) == (4 if coils else 2)
     assert len(periods) > 20
     assert pair.status
-    counted = min(pair.status.late, pair.status.overflowed, pair.status.refused)
-    assert counted > 0 or not coils
+    assert min(pair.status.late, pair.status.overflowed, pair.status.refused) > 0 or not coils
     program = compiled(tmp_path, processor)
     assert run(program, identity, b"".join(pair.script)) == b"".join(pair.expected)

@@ -321,8 +321,7 @@ def test_samples_carry_their_count_their_axes_and_the_time_of_the_first() -> Non
     first, second = host.all(Samples)
     assert first == Samples(0, 0b101, (0, 100, 1, 101, 2, 102))
     assert (second.index, second.counts[0]) == (3, 3)
-    clocks = [(clock - begin) % CLOCKS for clock in host.clocks[-2:]]
-    assert clocks == [250, 1000]
+    assert [(clock - begin) % CLOCKS for clock in host.clocks[-2:]] == [250, 1000]
 
 
 def test_samples_begin_anew_when_configured_and_end_with_a_rate_of_zero() -> None:

@@ -47,8 +47,7 @@ def test_images_are_recorded_with_the_graph_and_exported_with_its_frames(
     for frame, cell in enumerate(rows["observation.images.camera_image_raw"]):
         time = json.loads(episodes["haptic_accel"][0])["begin_ns"] + round((frame + 1) * 1e9 / 30)
         newest = int(np.searchsorted(stamps, time, side="right")) - 1
-        pixels = np.asarray(Image.open(io.BytesIO(cell["bytes"])))
-        assert pixels.tobytes() == images[newest][1]
+        assert np.asarray(Image.open(io.BytesIO(cell["bytes"]))).tobytes() == images[newest][1]
     info = json.loads((dataset / "meta" / "info.json").read_text())
     assert info["features"]["observation.images.camera_image_raw"]["shape"] == [120, 160, 3]
     # At 250 Hz there are 240 samples a second, eight for each frame.

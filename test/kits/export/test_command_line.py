@@ -97,8 +97,7 @@ def test_a_missing_library_is_named_with_its_extra(
     for module in ("tables", "hdf5", "lerobot", "images"):
         monkeypatch.delitem(sys.modules, f"haptic_accel.kits.export.{module}", raising=False)
     words = ("export", recorded.path, "--format", form, "--out", tmp_path / "out")
-    line = f"needs {library}: pip install 'haptic_accel[{form}]'"
-    assert refusal(*words, status=1) == line
+    assert refusal(*words, status=1) == f"needs {library}: pip install 'haptic_accel[{form}]'"
     assert list(tmp_path.iterdir()) == []
 
 

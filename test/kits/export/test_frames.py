@@ -125,8 +125,7 @@ def test_resampling_reaches_beyond_a_sample_as_far_as_it_is_stated() -> None:
     impulse = np.zeros(4000)
     impulse[2000] = 1.0
     rates = FrameRate.of(30, 0.0, RATE)
-    answer = resampled(impulse, RATE, rates.rate)
-    at = np.flatnonzero(answer) / rates.rate - 2.0
+    at = np.flatnonzero(resampled(impulse, RATE, rates.rate)) / rates.rate - 2.0
     assert -rates.look_ahead - 1e-9 <= at.min() <= -rates.look_ahead + 2e-3
     assert FrameRate.of(50, 0.0, RATE).look_ahead == 0.0
 

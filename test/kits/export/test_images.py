@@ -136,8 +136,7 @@ def numbers(dataset: Path, key: str) -> list[int]:
 def test_each_frame_has_the_newest_image_at_its_time(
     tmp_path: Path, recorded: Recorded, form: str
 ) -> None:
-    bag = with_images(tmp_path / "bag", recorded, camera(form, 60.0))
-    output_of(*export(bag))
+    output_of(*export(with_images(tmp_path / "bag", recorded, camera(form, 60.0))))
     ((begin, _),) = read_bag(recorded.path).coupled(topics.MASTER)
     found = numbers(tmp_path / "set", KEY)
     times = begin - START + (np.arange(len(found)) + 1) * 1e9 / 30
@@ -267,8 +266,7 @@ def test_any_image_costs_at_most_its_own_frame(
     short: Path, data: st.DataObject, form: str, at: int
 ) -> None:
     images = [*camera(form, 30.0)][:12]
-    changed = data.draw(foreign(images[at].received, form))
-    images[at] = images[at]._replace(data=changed)
+    images[at] = images[at]._replace(data=data.draw(foreign(images[at].received, form)))
     with TemporaryDirectory() as folder:
         bag = with_camera(short, Path(folder), images)
         with measured(seconds=20.0), without_programs():

@@ -101,8 +101,7 @@ def test_episodes_have_one_condition_each(tmp_path: Path, recorded: Recorded) ->
         data = change_bytes(moment, f"/{node}", *change)
         messages.append(Message("/parameter_events", CHANGED, moment, data))
     messages.sort(key=lambda each: each.received)
-    custom = read_metadata(recorded.path).custom
-    bag = write_messages(tmp_path / "bag", messages, custom=custom)
+    bag = write_messages(tmp_path / "bag", messages, custom=read_metadata(recorded.path).custom)
     assert status_of("export", bag, "--format", "lerobot", "--out", tmp_path / "set") == 0
     found = episodes(tmp_path / "set")
     tasks = [["feel plywood with a tool"], *[["feel vinyl with a tool"]] * 2]

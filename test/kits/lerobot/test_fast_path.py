@@ -216,8 +216,7 @@ def test_a_process_that_hangs_is_noticed(start: Start) -> None:
 
 
 def test_all_devices_share_one_fast_path_which_ends_with_the_last() -> None:
-    given = map(fast_path.read_arguments, ("", "rate:=960"))
-    first, second = map(fast_path.join, given)
+    first, second = map(fast_path.join, map(fast_path.read_arguments, ("", "rate:=960")))
     try:
         assert first is second
         with pytest.raises(ParameterError, match="must be 'rate:=960', as leader and follower"):

@@ -40,8 +40,7 @@ def test_every_member_that_lerobot_asks_for_is_named(built: PlugIns) -> None:
 def test_a_configuration_is_not_among_its_own_choices(built: PlugIns) -> None:
     leaders, followers = built.teleoperators.TeleoperatorConfig, built.robots.RobotConfig
     for registry, field in ((leaders, "leader"), (followers, "follower")):
-        own = registry.get_choice_class("haptic_accel")
-        choice = get_type_hints(own)[field]
+        choice = get_type_hints(registry.get_choice_class("haptic_accel"))[field]
         assert list(choice.get_known_choices()) == [f"plain_{field}"]
         plain = choice.get_choice_class(f"plain_{field}")
         assert choice.get_choice_name(plain) == f"plain_{field}"

@@ -125,8 +125,7 @@ class Hosts:
         for host, graph in self.graphs.items():
             assert graph.end(SIGINT) == 0, graph.text
             if host in self._seen:
-                stretches = read_bag(self.bags[host]).coupled(ENDS[host][2])
-                (first, last), *later = stretches
+                (first, last), *later = read_bag(self.bags[host]).coupled(ENDS[host][2])
                 assert first < self._since
                 assert (last - self._since) / NANOSECONDS < LATEST + stalls.longest
                 assert later

@@ -96,8 +96,7 @@ def _exchange(observers: dict[str, Observer]) -> None:
 def _stop_and_release(hosts: Hosts, graphs: dict[str, Command]) -> None:
     """Stop one host, which stops the other, and release each by itself."""
     seen = {side: len(graph.lines) for side, graph in graphs.items()}
-    said = hosts.ask("master", "estop")
-    assert said.startswith("emergency stop: the device is without force")
+    assert hosts.ask("master", "estop").startswith("emergency stop: the device is without force")
     # The other host may hear that the arm was let go before it hears of the stop.
     for side, reason in (("master", "emergency stop"), ("slave", "(emergency stop|the peer dis)")):
         graph = graphs[side]

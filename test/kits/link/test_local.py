@@ -88,8 +88,7 @@ def test_the_link_tells_the_coupler_about_itself_and_nobody_else_can(ends: Ends)
     link.write_note("datagrams from 10.0.0.5 do not have the key")
     link.send(b"1")
     assert coupler.drain() == [b"1"]
-    note = b"note\0all is well"
-    link.send(note)
+    link.send(b"note\0all is well")
     assert (coupler.drain(), coupler.note) == ([], "datagrams from 10.0.0.5 do not have the key")
     link.write_note("")
     coupler.drain()

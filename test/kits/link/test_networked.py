@@ -90,8 +90,7 @@ def test_the_delay_between_the_arms_is_the_one_asked_for(domain: int, tmp_path: 
             for delay, change in changes:
                 change(ChannelParameters(delay))
                 for observer in observers:
-                    is_near = partial(near, observer, delay)
-                    wait_until(is_near, "\n".join(lines))
+                    wait_until(partial(near, observer, delay), "\n".join(lines))
                     observer.status("coupler", engaged="true")
         finally:
             for observer in observers:

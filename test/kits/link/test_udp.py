@@ -123,8 +123,7 @@ def test_a_third_host_moves_nothing_and_ends_nothing(hosts: Hosts) -> None:
                 packet = unpack(newest[:-TAG_LENGTH])
                 wrong = packet._replace(sequence=packet.sequence + 1 + number, position=FAR)
                 for key in (b"", b"x" * KEY_LENGTH):
-                    forged = Authenticator(key, packet.side).tagged(wrong.pack())
-                    third.sendto(forged, address)
+                    third.sendto(Authenticator(key, packet.side).tagged(wrong.pack()), address)
                 third.sendto(wrong.pack() + newest[-TAG_LENGTH:], address)
                 for old in sender.sent[-20:]:  # seen before: none is used a second time
                     third.sendto(old, address)

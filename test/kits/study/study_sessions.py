@@ -103,8 +103,7 @@ def session(
 def practised(trials: Sequence[PlannedTrial]) -> list[PlannedTrial]:
     """Return trials with a practice trial before and two catch trials after them."""
     kinds = [PRACTICE, *[MAIN] * len(trials), CATCH, CATCH]
-    every = [trials[0], *trials, trials[0], trials[-1]]
-    numbered = enumerate(zip(every, kinds, strict=True))
+    numbered = enumerate(zip([trials[0], *trials, trials[0], trials[-1]], kinds, strict=True))
     return [replace(trial, number=place, kind=kind) for place, (trial, kind) in numbered]
 
 

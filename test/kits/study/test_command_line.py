@@ -85,8 +85,7 @@ def test_people_are_not_called_simulated(study: Study) -> None:
     run_session(study, study.begin("P01"))
     study.unblind("a look")
     assert status_of("study", "analyze", study.folder) == 0
-    text = Page(study.folder / "analysis" / "index.html").text
-    assert "simulated observers" not in text
+    assert "simulated observers" not in Page(study.folder / "analysis" / "index.html").text
     assert set(pd.read_csv(study.folder / "analysis" / "trials.csv")["observer"]) == {"person"}
 
 

@@ -34,8 +34,7 @@ factors: {factors}
 
 def protocol(folder: Path, factors: str, graph: str = "{}", rest: str = "") -> Protocol:
     path = folder / "study.yaml"
-    text = PROTOCOL.format(task="preference", graph=graph, factors=factors)
-    path.write_text(text + rest)
+    path.write_text(PROTOCOL.format(task="preference", graph=graph, factors=factors) + rest)
     return read_protocol(path)
 
 
@@ -59,8 +58,7 @@ def test_what_holds_from_the_start_and_what_changes_live_are_apart(tmp_path: Pat
         "{latency: [1, 3], controller: [none, adaptive], gain: [0.5, 2], network: [0, '50+-10']}",
         "{seed: 4}",
     )
-    started = {arguments(found, each).latency for each in found.conditions}
-    assert started == {1, 3}
+    assert {arguments(found, each).latency for each in found.conditions} == {1, 3}
     assert {arguments(found, each).controller for each in found.conditions} == {"dynamic"}
     assert {arguments(found, each).seed for each in found.conditions} == {4}
     expected = {"controller": "adaptive", "gain": 2.0, "network": "50+-10"}

@@ -128,8 +128,7 @@ def test_bids_has_a_folder_for_each_participant(tmp_path: Path) -> None:
     assert {row["correct"] for row in trials} <= {"true", "false"}
     assert {row["level"] for row in trials} == {"n/a"}
     for suffix, row in (("beh", trials[0]), ("events", events[0])):
-        meanings = read_json(out / f"task-oddoneout_{suffix}.json")
-        assert set(row) <= set(meanings)
+        assert set(row) <= set(read_json(out / f"task-oddoneout_{suffix}.json"))
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -219,8 +218,7 @@ def test_the_bids_validator_accepts_the_export(study: Protocol, tmp_path: Path) 
 def test_the_psych_ds_validator_accepts_the_export(study: Protocol, tmp_path: Path) -> None:
     if not PSYCH_DS_VALIDATOR.exists():
         pytest.skip("psychds-validator is not installed")
-    out = export("psych-ds", tmp_path, study)
-    command = [str(PSYCH_DS_VALIDATOR), str(out), "--json"]
+    command = [str(PSYCH_DS_VALIDATOR), str(export("psych-ds", tmp_path, study)), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     result = json.loads(next(line for line in done.stdout.splitlines() if line.startswith("{")))
     assert result["valid"], result["issues"]

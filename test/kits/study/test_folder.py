@@ -152,8 +152,7 @@ def test_a_deletion_that_was_broken_off_can_be_repeated(
 
 @pytest.mark.parametrize("name", folder.templates())
 def test_a_template_is_a_protocol_of_its_own(name: str, tmp_path: Path) -> None:
-    path = folder.write_template(name, tmp_path / "new" / "study")
-    found = read_protocol(path)
+    found = read_protocol(folder.write_template(name, tmp_path / "new" / "study"))
     assert found.digest == read_protocol(folder.templates()[name]).digest
     assert found.tests
     assert len(found.content.splitlines()) <= 70
@@ -165,8 +164,7 @@ def test_a_template_is_about_one_surface_at_a_time(name: str) -> None:
     for condition in found.conditions:
         settings = {**vars(arguments(found, condition)), **live(found, condition)}
         if settings["slave"] == "virtual":
-            scene = read_scene(preset_file("scene", str(settings["surface"])))
-            assert len(scene.objects) == 1
+            assert len(read_scene(preset_file("scene", str(settings["surface"]))).objects) == 1
 
 
 @pytest.mark.parametrize("name", folder.templates())
@@ -190,8 +188,7 @@ def test_a_consent_text_has_what_ethics_boards_ask_for(name: str) -> None:
 
 def test_a_text_whose_blanks_are_filled_in_passes(tmp_path: Path) -> None:
     path = folder.write_template("preference", tmp_path)
-    whole = path.read_text(encoding="utf-8")
-    filled = re.sub(r"\[\[ blank: [^\]]*\]\]", "our text", whole)
+    filled = re.sub(r"\[\[ blank: [^\]]*\]\]", "our text", path.read_text(encoding="utf-8"))
     path.write_text(f"# [[ blank: in a comment ]]\n{filled}", encoding="utf-8")
     check_blanks(read_protocol(path))
     for part in ("[[blank]]", "[[ Blank: half"):

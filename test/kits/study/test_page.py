@@ -410,8 +410,7 @@ def test_the_pad_leads_the_hand_and_shows_no_tool(page: Page, visit: Visit) -> N
     wait_until(lambda: page.evaluate("document.activeElement.id") == "scene", "the pad")
     page.keyboard.press("ArrowRight")
     wait_until(lambda: bool(visit.rig.led), "the hand is led")
-    scene = page.evaluate("fetch('/scene').then((answer) => answer.text())")
-    assert "plywood" not in scene
+    assert "plywood" not in page.evaluate("fetch('/scene').then((answer) => answer.text())")
 
 
 @pytest.mark.parametrize("scheme", rest_slow(["light", "dark"]))

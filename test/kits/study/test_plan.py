@@ -126,8 +126,7 @@ def test_catch_trials_come_between_a_number_of_trials() -> None:
 
 
 def test_an_undelivered_trial_is_repeated_and_then_left_out() -> None:
-    protocol = make_protocol(bounds=Bounds(repeats=2), extras=NOTHING_ELSE)
-    plan = Plan(protocol, 1, 0)
+    plan = Plan(make_protocol(bounds=Bounds(repeats=2), extras=NOTHING_ELSE), 1, 0)
     records = list(run(plan, lambda trial: None if trial.number == 1 else always_right(trial)))
     numbers = [(each.trial.number, each.attempt) for each in records[:5]]
     assert numbers == [(0, 0), (1, 0), (1, 1), (1, 2), (2, 0)]
@@ -147,8 +146,7 @@ def test_breaks_come_after_a_number_of_trials_but_not_at_the_end(
 ) -> None:
     extras = Extras(practice=2, break_every=every)
     plan = Plan(make_protocol(procedure=Procedure(repeats=12), extras=extras), 1, 0)
-    breaks = [each.trial.number for each in run(plan, always_right) if plan.break_due]
-    assert breaks == expected
+    assert [each.trial.number for each in run(plan, always_right) if plan.break_due] == expected
 
 
 def test_no_break_comes_before_a_repetition() -> None:

@@ -276,15 +276,13 @@ def test_excluded_participants_and_other_kinds_of_trials_do_not_count() -> None:
 
 def test_sensitivity_follows_the_task() -> None:
     """Of 20 trials, 15 right: d' of the log-linear proportion 15.5 / 21 (2IFC: sqrt 2 z)."""
-    study = with_test(protocol("2ifc"), "d_prime")
-    result = only_result(study, wrong_at(1, 2, 3, 4, 5))
+    result = only_result(with_test(protocol("2ifc"), "d_prime"), wrong_at(1, 2, 3, 4, 5))
     assert result.values["P0"] == pytest.approx(math.sqrt(2) * 0.6372, abs=2e-3)
 
 
 def test_same_and_different_answers_give_d_prime_by_their_rates() -> None:
     study = with_test(read_protocol(templates()["compensated_or_not"]), "d_prime")
-    found = simulate_study(study, 12, 5)
-    (result,) = planned_tests(study, found)
+    (result,) = planned_tests(study, simulate_study(study, 12, 5))
     assert result.mean.low < 2.0 < result.mean.high
     assert result.against == 0.0
 
@@ -309,8 +307,7 @@ def test_preference_is_a_share_of_the_trials_with_the_condition() -> None:
 def test_a_condition_that_was_never_compared_has_no_value() -> None:
     given = {"against": "controller=adaptive"}
     study = with_test(unruled("preference"), "preferred", "controller=mass", **given)
-    order = dict.fromkeys(map(str, (NONE, MASS, ADAPTIVE)), 0.0)
-    result = only_result(study, preferring(order))
+    result = only_result(study, preferring(dict.fromkeys(map(str, (NONE, MASS, ADAPTIVE)), 0.0)))
     assert result.values == {}
     assert not result.outcome.significant
 

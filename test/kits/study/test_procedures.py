@@ -22,8 +22,7 @@ from haptic_accel.kits.study.protocol import Condition, Levels, Order, Pair, Pro
 
 
 def _constant(order: Order, repeats: int = 3, surfaces: int = 4) -> Protocol:
-    procedure = Procedure(repeats=repeats)
-    return make_protocol("rating", surfaces, order=order, procedure=procedure)
+    return make_protocol("rating", surfaces, order=order, procedure=Procedure(repeats=repeats))
 
 
 @given(st.integers(2, 14))

@@ -122,8 +122,7 @@ def test_confusions_are_counted_together_and_their_information_by_participant() 
     def answer(trial: PlannedTrial, _: object) -> str:
         return confused[names[str(trial.stimuli[0])]]
 
-    made = [session(study, name, trials, answer) for name in ("P1", "P2")]
-    found = analyse_study(study, made)
+    found = analyse_study(study, [session(study, name, trials, answer) for name in ("P1", "P2")])
     counts = [list(row.values()) for row in result(found, "confusions").rows]
     assert counts == [["none", 10, 0, 0], ["mass", 10, 0, 0], ["adaptive", 0, 0, 10]]
     rows = result(found, "information").rows
@@ -141,8 +140,7 @@ def test_worths_follow_the_preferences() -> None:
 
 
 def test_pairs_that_do_not_connect_the_conditions_give_no_worths() -> None:
-    pairs = (Pair(NONE, ADAPTIVE),)
-    study = protocol("preference", pairs=pairs, rules=Rules(catch_correct=0.0))
+    study = protocol("preference", pairs=(Pair(NONE, ADAPTIVE),), rules=Rules(catch_correct=0.0))
     names = [each.name for each in analyse_study(study, sessions(study)).results]
     assert names == ["preferences", "delivered"]
 

@@ -199,16 +199,14 @@ def test_rig_and_page_may_both_fail(study: Study) -> None:
 
 
 def test_exposure_of_a_day_ends_a_sitting(tmp_path: Path) -> None:
-    text = TEXT.replace("bounds:", "limits: {exposure: 0.01}\nbounds:")
-    study = write_study(tmp_path, text)
+    study = write_study(tmp_path, TEXT.replace("bounds:", "limits: {exposure: 0.01}\nbounds:"))
     rig = SimulatedRig(study.protocol)
     rig.exposure = 0.01**2 * 8 * 3600 - 0.005  # m^2/s^3, just below
     session = run_session(study, study.begin("P01"), rig=rig)
     assert session.ended == "limit of exposure: A(8) has reached 0.01 m/s^2"
     assert 0 < len(session.records) < 14
     assert session.exposure == pytest.approx(rig.exposure)
-    again = run_session(study, study.resume("P01"))
-    assert len(again.records) == len(session.records)
+    assert len(run_session(study, study.resume("P01")).records) == len(session.records)
 
 
 def test_time_ends_a_session(tmp_path: Path) -> None:

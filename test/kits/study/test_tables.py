@@ -83,8 +83,7 @@ def test_trials_that_were_left_out_exclude_above_the_bound() -> None:
         found = repeated(found, place, left=True)
     assert left_out(found) == pytest.approx(25.0)
     assert exclusions(STUDY, [found]) == {"P01": "25 % of trials left out, more than 20 %"}
-    generous = replace(STUDY, rules=Rules(left_out=25.0))
-    assert exclusions(generous, [found]) == {}
+    assert exclusions(replace(STUDY, rules=Rules(left_out=25.0)), [found]) == {}
 
 
 def test_a_session_of_another_version_is_excluded() -> None:
@@ -94,8 +93,7 @@ def test_a_session_of_another_version_is_excluded() -> None:
 
 
 def test_a_session_without_trials_has_a_row() -> None:
-    begun = replace(complete(), records=(), ended="")
-    found = tables(STUDY, [begun])
+    found = tables(STUDY, [replace(complete(), records=(), ended="")])
     assert found.sessions.main_trials.tolist() == [0]
     assert found.sessions.excluded.tolist() == ["session not complete (interrupted)"]
     assert found.trials.empty

@@ -143,8 +143,7 @@ def test_a_faster_recording_gives_the_same_texture_at_the_rate_of_the_servo_loop
     fast = Recording(slow.name, 4 * RATE, speed, force, acceleration)
     one, other = (build("known", [each], Provenance()).model for each in (slow, fast))
     assert other.rate == RATE
-    spectra = [each.spectrum(0.1, 1.0, BAND) for each in (one, other)]
-    assert distance(*spectra) < 0.5
+    assert distance(*[each.spectrum(0.1, 1.0, BAND) for each in (one, other)]) < 0.5
 
 
 def test_contact_that_just_began_is_left_to_the_tap() -> None:

@@ -79,8 +79,7 @@ def test_signs_of_speed_and_force_do_not_change_a_model(
     rows = np.loadtxt(tmp_path / "drag.csv", delimiter=",", skiprows=1)
     rows[:, 0] *= np.repeat([1.0, -1.0], len(rows) // 2)  # forth and back
     rows[:, 1] *= -1.0
-    header = "speed,force,accel"
-    np.savetxt(tmp_path / "back.csv", rows, "%.6f", ",", header=header, comments="")
+    np.savetxt(tmp_path / "back.csv", rows, "%.6f", ",", header="speed,force,accel", comments="")
     for name in ("drag", "back"):
         words = (f"{name}.csv", "--rate", "1000", "--out", f"{name}.yaml")
         assert status_of("texture", "build", *words) == 0
@@ -156,8 +155,7 @@ def test_silence_is_rendered_as_silence(tmp_path: Path) -> None:
 
 
 def test_a_model_is_shown(tmp_path: Path) -> None:
-    shown = output_of("texture", "show", "vinyl", "--json", "vinyl.json")
-    assert "licence: Apache-2.0" in shown
+    assert "licence: Apache-2.0" in output_of("texture", "show", "vinyl", "--json", "vinyl.json")
     about = json.loads((tmp_path / "vinyl.json").read_text())
     assert about["name"] == "vinyl"
     assert about["largest_rms_m_s2"] > 1.0
@@ -176,8 +174,7 @@ def test_a_bag_is_a_recording(tmp_path: Path) -> None:
     rms = [np.sqrt(each.spectrum(0.09, 1.0, band).mean()) for each in (model, built)]
     assert rms[0] == pytest.approx(rms[1], rel=0.3)
     refused = json.loads((tmp_path / "ply.json").read_text())["refused"]
-    reasons = {each["reason"] for each in refused}
-    assert "out of contact" in reasons
+    assert "out of contact" in {each["reason"] for each in refused}
 
 
 @pytest.mark.parametrize("name", ["plywood", "text", "vinyl"])

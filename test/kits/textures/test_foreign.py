@@ -284,8 +284,7 @@ def test_the_texture_grows_with_speed_and_force_to_its_own_strength(tmp_path: Pa
     assert levels[3 * SPEED, 3 * FORCE] == pytest.approx(full, rel=1e-3)
     assert 0 < levels[0.5 * SPEED, 0.5 * FORCE] < full
     assert levels[0.0, FORCE] == levels[SPEED, 0.0] == 0.0
-    texture = Texture(model, 1000.0, seed=1)
-    samples = texture.block(np.full(20000, SPEED), np.full(20000, FORCE))
+    samples = Texture(model, 1000.0, seed=1).block(np.full(20000, SPEED), np.full(20000, FORCE))
     power = float(np.var(signal.lfilter([0.5], A, np.eye(1, 4000)[0]))) * 4000
     assert np.std(samples[1000:]) == pytest.approx(np.sqrt(power), rel=0.1)
 
@@ -434,8 +433,7 @@ def test_a_texture_is_stable_at_every_point_and_along_every_path(
         samples = texture.block(speeds, np.maximum(forces, 0.0))
         assert np.all(np.abs(samples) <= 100.0)
         assert texture.saturated == np.sum(np.abs(samples) == 100.0)
-        quiet = texture.block(np.zeros(2_000), np.zeros(2_000))
-        assert np.abs(quiet[-1]) < 1e-3
+        assert np.abs(texture.block(np.zeros(2_000), np.zeros(2_000))[-1]) < 1e-3
 
 
 def test_a_pattern_of_many_events_is_refused(tmp_path: Path) -> None:

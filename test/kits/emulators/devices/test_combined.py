@@ -49,8 +49,7 @@ def plugged(options: dict[str, Any], board: Path) -> Iterator[None]:
     ending = threading.Event()
     port = SlcanPort(Path(options["can"].channel))
     line = CanLine(port, [arm], RATE, Faults("", CAN_FAULTS, 1.0))
-    parts = [line, SerialLines([emulated])]
-    thread = threading.Thread(target=run, args=(parts, ending.is_set))
+    thread = threading.Thread(target=run, args=([line, SerialLines([emulated])], ending.is_set))
     thread.start()
     try:
         yield
@@ -65,8 +64,7 @@ def plugged(options: dict[str, Any], board: Path) -> Iterator[None]:
 def test_arm_and_board_are_given_as_when_either_is_alone(tmp_path: Path) -> None:
     file, arm, board = (tmp_path / name for name in ("mine.yaml", "arm", "board"))
     file.write_text(GIVEN.format(arm=arm, board=board, can=CAN))
-    given = read_parameter_file(file)["slave_device"]
-    _, options = build_parameters("slave_device", given)
+    _, options = build_parameters("slave_device", read_parameter_file(file)["slave_device"])
     with plugged(options, board):
         device = SLAVES["can_serial"].from_options("can_serial", options, RATE, 0)
         with closing(device):

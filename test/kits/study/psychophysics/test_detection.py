@@ -125,8 +125,7 @@ def test_d_prime_by_answers_covers_for_each_criterion(n: int) -> None:
         normal = stats.norm(scale=math.sqrt(2))
         rates = normal.sf([criterion - d, criterion]) + normal.cdf([-criterion - d, -criterion])
         hit, false_alarm = (stats.binom.pmf(counts, n, rate) for rate in rates)
-        held = np.outer(hit, false_alarm)[(low <= d) & (d <= high)].sum()
-        assert held >= 0.94, (d, criterion)
+        assert np.outer(hit, false_alarm)[(low <= d) & (d <= high)].sum() >= 0.94, (d, criterion)
 
 
 def mean_over_all_outcomes(task: str, d: float, n: int) -> float:

@@ -104,8 +104,7 @@ def logarithmic_priors(x: FloatArray) -> dict[str, Callable[[FloatArray], FloatA
 def test_a_fit_is_that_of_psignifit(seed: int) -> None:
     psignifit = pytest.importorskip("psignifit")
     x, n = np.log(LEVELS), 40
-    rng = np.random.default_rng(seed)
-    right = rng.binomial(n, 0.5 + 0.49 * stats.norm.cdf(1.2 * x))
+    right = np.random.default_rng(seed).binomial(n, 0.5 + 0.49 * stats.norm.cdf(1.2 * x))
     ours = fit_psychometric(LEVELS, right, [n] * len(x), "2ifc", sigmoid="normal")
 
     priors = logarithmic_priors(x)

@@ -201,8 +201,7 @@ def test_a_force_becomes_a_current_within_full_scale(board: Any, device: SerialD
 
 
 def test_swapped_wires_are_a_negative_constant(board: Any, connect: Make) -> None:
-    device = connect(board, actuator__force_constant=-4.8)
-    push(device, board, 2.4, -0.5)
+    push(connect(board, actuator__force_constant=-4.8), board, 2.4, -0.5)
 
 
 def test_silence_takes_the_current_off(board: Any, device: SerialDevice) -> None:
@@ -305,8 +304,7 @@ class HostileBoard:
         decoder, encoder = protocol.Decoder(), protocol.Encoder()
         answer: protocol.Message
         while not self._ending.wait(1e-3):
-            still_there = protocol.Error(protocol.ErrorCode.VALUE, 0, 0)
-            self._write(encoder.encode(still_there, 0))
+            self._write(encoder.encode(protocol.Error(protocol.ErrorCode.VALUE, 0, 0), 0))
             for frame in decoder.feed(self._port.read() or b""):
                 match protocol.read_message(frame):
                     case protocol.Identify():
