@@ -208,10 +208,9 @@ def services() -> dict[str, str]:
 
 
 @pytest.fixture
-def rig_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def rig_file(here: Path) -> None:
     """Work in a folder with the file that a command updates."""
-    (tmp_path / "rig.yaml").write_text("")
-    monkeypatch.chdir(tmp_path)
+    (here / "rig.yaml").write_text("")
 
 
 @pytest.mark.usefixtures("rig_file")
@@ -277,11 +276,8 @@ RUN = [p for p in PAGES if p not in tutorials() and any(map(is_run, in_blocks(p)
 
 
 @pytest.mark.parametrize("page", rest_slow(RUN), ids=name_of)
-def test_what_a_page_tells_to_type_runs(
-    page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    copytree(recorded, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
+def test_what_a_page_tells_to_type_runs(page: Path, recorded: Path, here: Path) -> None:
+    copytree(recorded, here, dirs_exist_ok=True)
     for words in filter(is_run, in_blocks(page)):
         found = [sorted(map(str, Path().glob(word))) or [word] for word in words[1:]]
         assert status_of(*[name for names in found for name in names]) == 0, words
@@ -297,11 +293,10 @@ def needs_a_graph(words: Sequence[str]) -> bool:
 @pytest.mark.parametrize("page", tutorials(), ids=name_of)
 @pytest.mark.slow
 def test_a_tutorial_runs_from_its_first_line_to_its_last(
-    page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    page: Path, recorded: Path, here: Path
 ) -> None:
     """Bags stand for those that a graph would record; a file begins with its name as a comment."""
-    copytree(recorded, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
+    copytree(recorded, here, dirs_exist_ok=True)
     pyplot.switch_backend("agg")
     for language, block in FENCE.findall(page.read_text()):
         if language == "python":

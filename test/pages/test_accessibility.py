@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import pytest
 
-from browsing import done, running, shown, violations
+from browsing import done, opened, running, shown, violations
 from haptic_accel.analysis import experiment, load
 from haptic_accel.analysis.frames import compared
 from haptic_accel.analysis.writing import write_analysis
@@ -112,9 +112,8 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @SCHEMES
 @pytest.mark.parametrize("name", ["analysis", "experiment", "identification"])
 def test_a_report(browser: Browser, reports: Path, name: str, scheme: Scheme) -> None:
-    page = browser.new_page(color_scheme=scheme)
-    page.goto((reports / name / "index.html").as_uri())
-    if name in ("analysis", "experiment"):
-        page.wait_for_selector("html[data-drawn='7']")
-    assert violations(page) == []
-    page.close()
+    address = (reports / name / "index.html").as_uri()
+    with opened(browser, address, color_scheme=scheme) as page:
+        if name in ("analysis", "experiment"):
+            page.wait_for_selector("html[data-drawn='7']")
+        assert violations(page) == []

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from browsing import QuietGraph
+from browsing import QuietGraph, opened
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import CommandError, ScopeServer
 from running import wait_until
@@ -49,11 +49,9 @@ def server(devices: Devices) -> Iterator[ScopeServer]:
 
 @pytest.fixture
 def page(browser: Browser, server: ScopeServer) -> Iterator[Page]:
-    opened = browser.new_page()
-    opened.goto(server.start())
-    connected(opened)
-    yield opened
-    opened.close()
+    with opened(browser, server.start()) as page:
+        connected(page)
+        yield page
 
 
 def connected(page: Page) -> None:

@@ -196,17 +196,15 @@ def test_a_second_tab_shows_the_same_and_the_first_answer_counts(
     for request in REQUESTS[:2]:
         ready(page, request)
         page.click("#continue")
-    second = browser.new_page()
-    second.goto(rig.address)
-    ready(second, REQUESTS[2])
-    page.fill("#answer", "0.1")
-    page.click("#continue")
-    ready(page, REQUESTS[3])
-    ready(second, REQUESTS[3])
-    assert rig.answers == ["", "", "0.1"]
-    second.click("#skip")
-    ready(page, NEXT)
-    second.close()
+    with opened(browser, rig.address) as second:
+        ready(second, REQUESTS[2])
+        page.fill("#answer", "0.1")
+        page.click("#continue")
+        ready(page, REQUESTS[3])
+        ready(second, REQUESTS[3])
+        assert rig.answers == ["", "", "0.1"]
+        second.click("#skip")
+        ready(page, NEXT)
 
 
 def test_without_a_connection_the_page_says_so_and_asks_nothing(page: Page, rig: TwoSteps) -> None:

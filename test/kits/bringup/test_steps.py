@@ -109,18 +109,15 @@ class Willing(Typist):
 
 
 @pytest.mark.smoke
-def test_verbs_tell_by_events_what_is_next(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_verbs_tell_by_events_what_is_next(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench, "COMMAND", [sys.executable, "-c", VERB])
-    rig = tmp_path / "rig.yaml"
+    rig = here / "rig.yaml"
     update_parameter_file(rig, {"master_device": {"device": "simulated"}})
     for step in ("connect", "calibrate", "make_safe"):
         note_step(rig, step, "before")
     person = Willing([])
     BringUp(from_flat(BringUpArguments, {"file": str(rig)}), person).run()
-    calls = json.loads((tmp_path / "calls.json").read_text())
+    calls = json.loads((here / "calls.json").read_text())
     assert [each[0] for each in calls] == ["identify"] * 3 + ["experiment"] * 2
     values = read_parameter_file(rig)
     assert values["master_device"]["audio.full_scale"] == 2.0 * 0.2

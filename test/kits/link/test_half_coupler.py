@@ -112,8 +112,7 @@ def _kill_and_return(hosts: Hosts, graphs: dict[str, Command]) -> None:
     """Kill one host, which frees the arm of the other, arm that alone, and let it return."""
     seen = len(graphs["slave"].lines)
     lost = graphs.pop("master")
-    pids = [lost.process.pid, *nodes_of(hosts.domains["master"]).values()]
-    for pid in pids:
+    for pid in (lost.process.pid, *nodes_of(hosts.domains["master"]).values()):
         with suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
     lost.end()

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from kits.study.participating import ENGLISH, TRIALS, Visit
 
-from browsing import LISTEN, opened, violations
+from browsing import LISTEN, opened, running, violations
 from haptic_accel.kits.study.participant_page import UNSEEN, ParticipantPage
 from haptic_accel.kits.study.trials import Screen
 from haptic_accel.scope.paced_rig import PacedRig
@@ -234,12 +235,10 @@ def test_of_two_pages_the_one_opened_last_is_the_participants(
     browser: Browser, page: Page, visit: Visit
 ) -> None:
     first_question(page, visit)
-    second = browser.new_page()
-    second.goto(visit.address)
-    shows(page, "other page")
-    asked(second)
-    answer(second, visit, "1")
-    second.close()
+    with opened(browser, visit.address) as second:
+        shows(page, "other page")
+        asked(second)
+        answer(second, visit, "1")
     page.keyboard.press("Enter")  # the only answer: use this page
     asked(page)
     answer(page, visit, "2")
@@ -255,10 +254,8 @@ def test_a_stimulus_waits_for_a_page_that_shows_it(browser: Browser, visit: Visi
 
     visit.begin(script)
     assert not shown.wait(0.5)
-    page = browser.new_page()
-    page.goto(visit.address)
-    wait_until(shown.is_set, "the stimulus")
-    page.close()
+    with opened(browser, visit.address):
+        wait_until(shown.is_set, "the stimulus")
 
 
 def test_a_stimulus_during_which_the_page_is_lost_is_undelivered(page: Page, visit: Visit) -> None:
@@ -323,9 +320,7 @@ def test_a_rating_needs_a_move(page: Page, visit: Visit) -> None:
 def test_the_level_of_the_noise_is_that_of_the_protocol(browser: Browser, tmp_path: Path) -> None:
     visit = Visit(tmp_path / "study", noise=-30.0)
     visit.begin()
-    page = browser.new_page()
-    try:
-        page.goto(visit.address)
+    with closing(visit), opened(browser, visit.address) as page:
         shows(page, "title")
         page.keyboard.press("Enter")
         shows(page, "noise on")
@@ -337,9 +332,6 @@ def test_the_level_of_the_noise_is_that_of_the_protocol(browser: Browser, tmp_pa
         assert page.locator("#noise").is_visible()
         page.reload()
         shows(page, "title")  # a browser gives no sound before a press
-    finally:
-        page.close()
-        visit.close()
 
 
 @pytest.mark.parametrize(
@@ -375,13 +367,9 @@ class LedRig(PacedRig):
 
 
 def test_the_handle_is_heard_during_a_stimulus_and_not_after(browser: Browser) -> None:
-    rig, ended = LedRig("plywood", "paper"), threading.Event()
+    rig = LedRig("plywood", "paper")
     study = ParticipantPage(ENGLISH, rig)
-    page = browser.new_page()
-    running = threading.Thread(target=rig.run, args=(ended.is_set,))
-    running.start()
-    try:
-        page.goto(study.start())
+    with running(rig), closing(study), opened(browser, study.start()) as page:
         study.show(Screen("w", "wait"))
         asked(page, "title")
         page.keyboard.press("Enter")
@@ -392,11 +380,6 @@ def test_the_handle_is_heard_during_a_stimulus_and_not_after(browser: Browser) -
         wait_until(lambda: page.evaluate("heard()")[1] > -60.0, "the handle's vibration")
         study.show(Screen("w", "wait"))
         wait_until(lambda: page.evaluate("heard()")[1] < -90.0, "silence")
-    finally:
-        page.close()
-        ended.set()
-        running.join()
-        study.close()
 
 
 def test_the_pad_leads_the_hand_and_shows_no_tool(page: Page, visit: Visit) -> None:

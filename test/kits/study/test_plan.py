@@ -94,8 +94,7 @@ def test_a_replay_of_any_prefix_plans_the_same_next_trial(
     def answer(trial: PlannedTrial) -> Answer | None:
         return asking(participant)(trial) if next(flaws, True) else None
 
-    prefix = list(islice(run(plan, answer), len(delivered)))
-    for each in prefix:
+    for each in list(islice(run(plan, answer), len(delivered))):
         replayed.record(each)
     assert replayed.next() == plan.next()
     assert replayed.attempt == plan.attempt

@@ -155,33 +155,31 @@ def _linear(distance: float) -> float:
     return min(max(distance / 100, 0.0), 1.0)
 
 
-def test_a_staircase_goes_down_after_right_answers_and_up_after_a_wrong_one() -> None:
-    staircase = _staircase(down=2, step_up=5.0, step_down=10.0, fine_after=100)
-    distances = [staircase.distance]
-    for correct in (True, True, True, False, True, True):
+def _after_each(staircase: procedures.Staircase, *answers: bool) -> list[float]:
+    distances = []
+    for correct in answers:
         staircase.update(correct)
         distances.append(staircase.distance)
-    assert distances == [100, 100, 90, 90, 95, 95, 85]
+    return distances
+
+
+def test_a_staircase_goes_down_after_right_answers_and_up_after_a_wrong_one() -> None:
+    staircase = _staircase(down=2, step_up=5.0, step_down=10.0, fine_after=100)
+    assert staircase.distance == 100
+    distances = _after_each(staircase, True, True, True, False, True, True)
+    assert distances == [100, 90, 90, 95, 95, 85]
     assert staircase.reversals == 2
 
 
 def test_steps_are_halved_after_some_reversals() -> None:
     staircase = _staircase(down=1, step_up=8.0, step_down=8.0, fine_after=2)
-    distances = []
-    for correct in (True, True, False, True, False):
-        staircase.update(correct)
-        distances.append(staircase.distance)
-    assert distances == [92, 84, 92, 88, 92]
+    assert _after_each(staircase, True, True, False, True, False) == [92, 84, 92, 88, 92]
 
 
 def test_steps_are_factors_on_a_logarithmic_scale() -> None:
     levels = Levels("gain", 1.0, (1.01, 9.0), "log")
     staircase = _staircase(levels, down=1, step_up=4.0, step_down=4.0, fine_after=2)
-    distances = []
-    for correct in (True, True, False, True):
-        staircase.update(correct)
-        distances.append(staircase.distance)
-    assert distances == pytest.approx([2, 0.5, 2, 1])
+    assert _after_each(staircase, True, True, False, True) == pytest.approx([2, 0.5, 2, 1])
 
 
 @given(st.lists(st.sampled_from([True, False, None]), max_size=100))

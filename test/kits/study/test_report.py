@@ -24,7 +24,7 @@ from kits.study.study_sessions import (
 )
 from PIL import Image
 
-from browsing import violations
+from browsing import opened, violations
 from haptic_accel.kits.study.folder import templates
 from haptic_accel.kits.study.planned_tests import distance_name
 from haptic_accel.kits.study.protocol import Levels, Pair, PlannedTest, Protocol, Rules
@@ -221,7 +221,6 @@ def test_no_rule_of_accessibility_is_broken(
     *whole, last = simulate_study(study, 4, 1)
     stopped = replace(last, ended="stopped by the participant")
     write_report(analyse_study(study, [*whole, stopped]), tmp_path / "report")
-    page = browser.new_page(color_scheme=scheme)
-    page.goto((tmp_path / "report" / "index.html").as_uri())
-    assert violations(page) == []
-    page.close()
+    address = (tmp_path / "report" / "index.html").as_uri()
+    with opened(browser, address, color_scheme=scheme) as page:
+        assert violations(page) == []

@@ -200,8 +200,7 @@ def test_a_simulated_study_is_complete_and_repeatable(tmp_path: Path) -> None:
 def test_a_written_study_is_the_simulated_one(tmp_path: Path) -> None:
     study = write_study(tmp_path)
     assert len([*write_simulated(study, 3, 5)]) == 3
-    simulated = simulate_study(study.protocol, 3, 5)
-    for written, each in zip(study.sessions, simulated, strict=True):
+    for written, each in zip(study.sessions, simulate_study(study.protocol, 3, 5), strict=True):
         assert written.participant == each.participant
         answers = [record.answer for record in each.records]
         assert [record.answer for record in written.records] == answers

@@ -285,8 +285,7 @@ def test_a_killed_or_frozen_driver_leaves_no_torque(plug: Plug, number: signal.S
     plugged = plug("slcan", opened=False)
     for axis in plugged.arm.axes:
         axis.watchdog = 0.5
-    words = [sys.executable, "-c", DRIVER, json.dumps(plugged.values)]
-    with subprocess.Popen(words) as driver:
+    with subprocess.Popen([sys.executable, "-c", DRIVER, json.dumps(plugged.values)]) as driver:
         wait_until(lambda: plugged.exerted, "torques")
         driver.send_signal(number)
         wait_until(lambda: not plugged.exerted, "no torque")
