@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import pytest
 
-from browsing import done, opened, running, shown, violations
+from browsing import done, opened, shown, violations
 from haptic_accel.analysis import experiment, load
 from haptic_accel.analysis.frames import compared
 from haptic_accel.analysis.writing import write_analysis
 from haptic_accel.scope.paced_rig import PacedRig
 from haptic_accel.setup.arguments import GraphArguments
 from nightly import rest_slow
-from running import wait_until
+from running import on_thread, wait_until
 from verbs import WITHOUT_FRICTION, status_of
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def scope(browser: Browser, scheme: Scheme, *, control: bool) -> Iterator[tuple[
     """Open the live page of a graph."""
     rig, act = GraphOfRig(), done if control else None
     look = {"viewport": {"width": 1280, "height": 900}, "color_scheme": scheme}
-    with running(rig), shown(browser, rig, act, **look) as page:
+    with on_thread(rig.run), shown(browser, rig, act, **look) as page:
         wait_until(lambda: page.locator("#nodes li").count() == len(rig.state()["nodes"]), "nodes")
         wait_until(lambda: page.locator("#nrmse").inner_text() != "–", "metrics")
         yield page, rig

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from browsing import running, shown, violations
+from browsing import shown, violations
 from haptic_accel.scope.paced_rig import PacedRig
 from nightly import rest_slow
-from running import wait_until
+from running import on_thread, wait_until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -26,7 +26,7 @@ def page(browser: Browser) -> Iterator[Page]:
     """Open the page of a rig that runs."""
     rig = PacedRig("plywood", "paper")
     size = {"width": 1280, "height": 900}
-    with running(rig), shown(browser, rig, rig.act, viewport=size) as opened:
+    with on_thread(rig.run), shown(browser, rig, rig.act, viewport=size) as opened:
         yield opened
 
 

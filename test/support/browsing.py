@@ -20,7 +20,6 @@ import pytest
 
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope.access import Access
-from haptic_accel.scope.paced_rig import PacedRig
 from haptic_accel.scope.server import Act, ScopeServer
 from haptic_accel.scope.windows import Windows
 from running import PATIENCE
@@ -134,19 +133,6 @@ class Tones(QuietGraph):
                     ring.put(stamp, self.amplitude * np.sin(phase))
                 count += 1
             time.sleep(0.005)
-
-
-@contextmanager
-def running(rig: PacedRig) -> Iterator[None]:
-    """Let a rig run meanwhile."""
-    ended = threading.Event()
-    thread = threading.Thread(target=rig.run, args=(ended.is_set,))
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
 
 
 async def done(action: str, value: Any) -> str:

@@ -245,6 +245,19 @@ class StallWatch:
             before = now
 
 
+@contextmanager
+def on_thread(loop: Callable[[Callable[[], bool]], object]) -> Iterator[None]:
+    """Run a loop on a thread of its own meanwhile; it gets the condition that ends it."""
+    ending = threading.Event()
+    thread = threading.Thread(target=loop, args=(ending.is_set,))
+    thread.start()
+    try:
+        yield
+    finally:
+        ending.set()
+        thread.join()
+
+
 def python(*words: object, **given: Any) -> subprocess.CompletedProcess[str]:
     """Run ``python WORDS`` to its end, and return what it wrote."""
     command = [sys.executable, *map(str, words)]

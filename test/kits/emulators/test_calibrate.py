@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
 from haptic_accel.kits.emulators.pseudo_terminal import run
 from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
 from haptic_accel.setup.files import read_parameter_file
+from running import on_thread
 from verbs import output_of, refusal
 
 CALIBRATE, WORDS = ("calibrate", "port:=port"), ("seconds:=0.2", "file:=found.yaml")
@@ -42,10 +43,6 @@ class Turned:
         identity = Identity((1, 0, 0), 0b111, 10_000, 49.0, (0.0, 0.0, 2.75), "board-7")
         self.felt: Callable[[float], Vector] = lambda time: ZERO
         self.emulated = EmulatedBoard(identity, path, lambda time: self.felt(time))
-        self._ending = threading.Event()
-        lines = SerialLines([self.emulated])
-        self._thread = threading.Thread(target=run, args=([lines], self._ending.is_set))
-        self._thread.start()
 
     def hold(self, gravity: float) -> None:
         """Hold it still: 5 % too sensitive, and 0.5 m/s^2 off."""
@@ -59,17 +56,12 @@ class Turned:
         self.felt = lambda time: vector(np.array(felt))
         time.sleep(0.05)
 
-    def end(self) -> None:
-        self._ending.set()
-        self._thread.join()
-        self.emulated.close()
-
 
 @pytest.fixture
 def board(tmp_path: Path) -> Iterator[Turned]:
     board = Turned(tmp_path / "port")
-    yield board
-    board.end()
+    with closing(board.emulated), on_thread(partial(run, [SerialLines([board.emulated])])):
+        yield board
 
 
 Acts = Callable[..., list[str]]

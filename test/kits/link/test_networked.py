@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -20,7 +19,7 @@ from haptic_accel.graph.networked import RelayError, networked_graph, sides
 from haptic_accel.graph.supervisor import Outcome, Supervisor
 from haptic_accel.setup.arguments import GraphArguments
 from observing import Observer
-from running import reserved_domain, wait_until
+from running import on_thread, reserved_domain, wait_until
 
 DELAY = 0.03
 
@@ -62,14 +61,9 @@ def test_a_relay_that_has_ended_is_told() -> None:
 @contextmanager
 def running(supervisor: Supervisor) -> Iterator[list[Outcome]]:
     """Run a graph on a thread of its own; yield its outcome once it has ended."""
-    stop, outcomes = threading.Event(), list[Outcome]()
-    thread = threading.Thread(target=lambda: outcomes.append(supervisor.run(stop.is_set)))
-    thread.start()
-    try:
+    outcomes: list[Outcome] = []
+    with on_thread(lambda stop: outcomes.append(supervisor.run(stop))):
         yield outcomes
-    finally:
-        stop.set()
-        thread.join()
 
 
 @pytest.mark.slow

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from kits.study.participating import ENGLISH, TRIALS, Visit
 
-from browsing import LISTEN, opened, running, violations
+from browsing import LISTEN, opened, violations
 from haptic_accel.kits.study.participant_page import UNSEEN, ParticipantPage
 from haptic_accel.kits.study.trials import Screen
 from haptic_accel.scope.paced_rig import PacedRig
 from nightly import rest_slow
-from running import wait_until
+from running import on_thread, wait_until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -369,7 +369,7 @@ class LedRig(PacedRig):
 def test_the_handle_is_heard_during_a_stimulus_and_not_after(browser: Browser) -> None:
     rig = LedRig("plywood", "paper")
     study = ParticipantPage(ENGLISH, rig)
-    with running(rig), closing(study), opened(browser, study.start()) as page:
+    with on_thread(rig.run), closing(study), opened(browser, study.start()) as page:
         study.show(Screen("w", "wait"))
         asked(page, "title")
         page.keyboard.press("Enter")

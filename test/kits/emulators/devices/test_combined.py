@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from haptic_accel.kits.emulators.pseudo_terminal import run
 from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
 from haptic_accel.setup.files import read_parameter_file
 from haptic_accel.setup.node_parameters import build_parameters
-from running import wait_until
+from running import on_thread, wait_until
 
 RATE = 100.0  # Hz
 GIVEN = """
@@ -46,18 +46,11 @@ def plugged(options: dict[str, Any], board: Path) -> Iterator[None]:
     arm = EmulatedArm(options["can"], rig, rate=RATE, watchdog=0.4)
     identity = Identity((1, 0, 0), 0b111, 10_000, 49.0, (0.0, 0.0, 0.0), "tool-1")
     emulated = EmulatedBoard(identity, board, lambda time: (0.0, 0.0, 5.0))
-    ending = threading.Event()
     port = SlcanPort(Path(options["can"].channel))
     line = CanLine(port, [arm], RATE, Faults("", CAN_FAULTS, 1.0))
-    thread = threading.Thread(target=run, args=([line, SerialLines([emulated])], ending.is_set))
-    thread.start()
-    try:
+    parts = [line, SerialLines([emulated])]
+    with closing(emulated), closing(line), on_thread(partial(run, parts)):
         yield
-    finally:
-        ending.set()
-        thread.join()
-        line.close()
-        emulated.close()
 
 
 @pytest.mark.smoke

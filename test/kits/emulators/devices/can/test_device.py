@@ -14,7 +14,8 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from haptic_accel.devices.simulated import SimulatedSlave, SimulatedSlaveParamet
 from haptic_accel.kits.emulators.can_line import BusPort, CanLine, CanPort, EmulatedArm, SlcanPort
 from haptic_accel.kits.emulators.faults import CAN_FAULTS, Faults
 from haptic_accel.kits.emulators.pseudo_terminal import run
-from running import wait_until
+from running import on_thread, wait_until
 
 RATE = 200.0  # Hz
 
@@ -52,9 +53,10 @@ class Plugged:
         self.arm = EmulatedArm(self.parameters, slave, rate=RATE, watchdog=WATCHDOG)
         self.line = CanLine(port, [self.arm], RATE, Faults(faults, CAN_FAULTS, seconds))
         self.device = CanSlave(self.parameters, RATE, 0)
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=run, args=([self.line], self._stop.is_set))
-        self._thread.start()
+        self._stack = ExitStack()
+        self._stack.callback(self.line.close)
+        self._stack.enter_context(on_thread(partial(run, [self.line])))
+        self._stack.callback(self.device.close)
 
     def push(self) -> None:
         """Do what a device node does at a tick."""
@@ -82,10 +84,7 @@ class Plugged:
         return any(axis.torque for axis in self.arm.axes)
 
     def close(self) -> None:
-        self.device.close()
-        self._stop.set()
-        self._thread.join()
-        self.line.close()
+        self._stack.close()
 
 
 Plug = Callable[..., Plugged]

@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from haptic_accel.devices.serial import protocol
 from haptic_accel.devices.serial.device import SerialDevice, SerialMaster
 from haptic_accel.kits.emulators.pseudo_terminal import run
 from haptic_accel.kits.emulators.serial_line import Board, EmulatedBoard, SerialLines
+from running import on_thread
 
 HANDLE = protocol.Identity((1, 2, 3), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle-1")
 
@@ -43,10 +44,9 @@ class Bench:
             identity, link, lambda time: (*across, self.measure(time)), self._note, drift=drift
         )
         self.path = str(link)
-        self._ending = threading.Event()
-        lines = SerialLines([self.emulated])
-        self._thread = threading.Thread(target=run, args=([lines], self._ending.is_set))
-        self._thread.start()
+        self._stack = ExitStack()
+        self._stack.callback(self.emulated.close)
+        self._stack.enter_context(on_thread(partial(run, [SerialLines([self.emulated])])))
 
     def _note(self, time: float, currents: Vector) -> None:
         self.driven.append((time, currents[2]))
@@ -66,9 +66,7 @@ class Bench:
 
     def end(self) -> None:
         """Unplug it for good."""
-        self._ending.set()
-        self._thread.join()
-        self.emulated.close()
+        self._stack.close()
 
 
 @pytest.fixture
