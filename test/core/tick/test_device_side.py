@@ -409,3 +409,20 @@ def test_forces_without_samples_take_no_memory_without_end() -> None:
         work.apply(tick * PERIOD, *along_x(1.0))
     kept_of_the_way = after(work, 3 * KEPT * PERIOD, along_x(3.0))
     assert kept_of_the_way == pytest.approx(along_x(1.0))
+
+
+@pytest.mark.parametrize("kept", [1, 1000])
+def test_the_actuator_sags_by_the_gravity_that_its_handle_measures(kept: int) -> None:
+    device, clock = Slow(), Clock()
+    part = clocked(device, clock)
+    for tick in range(1000):
+        clock.now = tick / RATE
+        # A lost sample is no acceleration of zero.
+        device.readings = [Sample(ZERO, ZERO, along_actuator(9.81)) if tick < kept else None]
+        part.begin(tick)
+        part.read()
+        part.watch()
+    suspension = ActuatorParameters()
+    sag = -1e3 * suspension.m_a * 9.81 / suspension.k_s
+    travel = float(part.safety.diagnostics()["actuator force travel (mm)"])
+    assert travel == pytest.approx(sag, abs=0.006)
