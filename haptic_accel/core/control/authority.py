@@ -92,8 +92,8 @@ REDUCED, RESTORED = 0.5, 0.9
 """Fraction below which a reduction is reported, and above which the report ends."""
 
 LASTING = 0.8
-"""Minimum duration of a reduction that is reported, s: sudden hand motion causes shorter ones on a
-handle that matches its description."""
+"""Minimum duration of a reduction that is reported, s of excitation: sudden hand motion causes
+shorter ones on a handle that matches its description, which last while nothing excites it."""
 
 HUSHED, HUSHED_FOR = 0.1, 0.3
 """Factor of a reduced force during a measurement of the noise, and duration of the measurement, s.
@@ -293,6 +293,9 @@ class Authority(ForceFraction):
             change = min(max(self._caution * self._change(), FALLING), rising)
             self._changing = not FALLEN < change <= 1.0
             self._scale(change**pace, RISING**pace)
+            limit = RESTORED if self._reduced_for else REDUCED
+            self._reduced_for = self._reduced_for + time if self.fraction < limit else 0.0
+            self.reduced = self._reduced_for >= LASTING
         elif self._desired_power < SILENT**2:
             if self.fraction < RESTORED and not described:
                 self._scale(1.0, math.exp(-time / CAUTIOUS))
@@ -302,9 +305,6 @@ class Authority(ForceFraction):
             self._silent += time
             if self._silent >= LISTENED:
                 self.noise = min(self.noise, math.sqrt(self._still))
-        limit = RESTORED if self._reduced_for else REDUCED
-        self._reduced_for = self._reduced_for + time if self.fraction < limit else 0.0
-        self.reduced = self._reduced_for >= LASTING
 
     def _signals(self, length: int) -> list[list[float]]:
         """Return the latest desired accelerations, delayed to match the motions, and the motions.

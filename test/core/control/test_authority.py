@@ -117,6 +117,15 @@ def test_a_reduction_is_reported_once_it_lasts() -> None:
     assert fractions.max() == 1.0
 
 
+def test_a_reduction_does_not_last_while_nothing_is_desired() -> None:
+    authority, rest = Authority(RATE, [Trace()]), np.zeros(4000)
+    desired, unrelated = texture(0.4), texture(0.4, 4.0, seed=1000)
+    fractions, _ = run(authority, desired, unrelated)
+    assert fractions[-1] < 0.1
+    run(authority, rest, rest)
+    assert not authority.reduced, "a short motion of the hand tells nothing of the controller"
+
+
 @pytest.mark.parametrize("gain", [-0.5, -1.0, -10.0])
 def test_swapped_wires_cost_what_is_accepted(gain: float) -> None:
     desired = texture(4.0)
