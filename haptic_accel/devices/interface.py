@@ -11,9 +11,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
-from haptic_accel.core.axes import ACTUATOR_AXES, Axes
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes, is_turned, to_base
 from haptic_accel.core.model import LATER, Force, Reading, Sample, Vector
-from haptic_accel.core.orientation import is_turned, to_base
 from haptic_accel.core.outside import OutsideError, guard, parameters_problem
 from haptic_accel.core.parameters import Checked, ParameterError, schema
 

@@ -131,7 +131,7 @@ class CompensationPart:
 
     def turned(self, x: float, y: float, z: float, is_vector: bool = False) -> Vector:
         """Convert a tool's acceleration, or any vector, from the base's axes to the handle's."""
-        from haptic_accel.core.orientation import from_base, is_turned
+        from haptic_accel.core.axes import from_base, is_turned
 
         vector = x, y, z
         if is_vector or is_turned(self.orientation, vector):

@@ -20,10 +20,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool
 
+from haptic_accel.core.axes import Orientation
 from haptic_accel.core.cdr import StampedVector, unpack_orientation, unpack_stamped_vector
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.operating_state import MESSAGES
-from haptic_accel.core.orientation import Orientation
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.sequence_check import SequenceCheck, SolePublisher
 from haptic_accel.core.topics import SLAVE
