@@ -135,15 +135,15 @@ class SafetyPair:
 
     def __init__(self, unit: ModuleType, seed: int, axes: str) -> None:
         from haptic_accel import Axes
-        from haptic_accel.core.actuator import safety
+        from haptic_accel.core import actuator
         from haptic_accel.core.tick import SafetyLayer
 
         self._random = random.Random(seed)
         choose = self._random.choice
-        self.parameters = safety.MasterSafetyParameters(
+        self.parameters = actuator.MasterSafetyParameters(
             recovery=choose(["automatic", "manual"]),
-            arm=safety.ArmLimits(slew_rate=choose([0.0, 500.0])),
-            actuator=safety.ActuatorCommandLimits(slew_rate=choose([0.0, 3000.0])),
+            arm=actuator.ArmLimits(slew_rate=choose([0.0, 500.0])),
+            actuator=actuator.ActuatorCommandLimits(slew_rate=choose([0.0, 3000.0])),
         )
         kinds = (SafetyLayer, unit.SafetyLayer)
         self._layers: list[Any] = [

@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 
 from haptic_accel.analysis.plots import BLACK, BLUE, GREEN, VERMILION
 from haptic_accel.core import topics
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.controllers import Loop
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import FloatArray, HandleParameters

@@ -13,7 +13,7 @@ from typing import Any
 from haptic_accel.bags.reading import Bag, Change
 from haptic_accel.bags.trial_metadata import LOCKSTEP, RUN
 from haptic_accel.core import topics
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.compensation import PLANT, matrix_plant
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY
 from haptic_accel.core.handle.plant import MatrixPlant, Plant

@@ -18,7 +18,7 @@ from haptic_accel.analysis.description import Condition, Description, described,
 from haptic_accel.bags.delivery import Delivery, delivery
 from haptic_accel.bags.reading import Bag, read_bags
 from haptic_accel.core import sampling, topics
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
 from haptic_accel.core.control.channel import FADING, LISTENING
 from haptic_accel.core.control.controllers import granted_delay

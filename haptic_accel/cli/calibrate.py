@@ -15,7 +15,7 @@ import numpy as np
 
 from haptic_accel.cli.options import update_option, verb, words
 from haptic_accel.cli.output import StoppedError, check_writable, next_command
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import NAMES
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.model import ACTUATOR, FloatArray

@@ -15,7 +15,7 @@ import numpy as np
 from haptic_accel.cli.options import json_option, verb, words
 from haptic_accel.cli.output import next_command, save
 from haptic_accel.cli.tables import print_table
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.control.controllers.feedback import FeedbackParameters
 from haptic_accel.core.control.controllers.interface import Loop

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # fmt: off
-from haptic_accel.core.actuator.parameters import ActuatorParameters as ActuatorParameters
-from haptic_accel.core.actuator.safety import SafetyParameters as SafetyParameters
+from haptic_accel.core.actuator import (ActuatorParameters as ActuatorParameters,
+    SafetyParameters as SafetyParameters)
 from haptic_accel.core.axes import ALL_AXES as ALL_AXES, VIBRATION as VIBRATION
 from haptic_accel.core.bounded_files import (located as located, opened as opened,
     read_xml as read_xml)

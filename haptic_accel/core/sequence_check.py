@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from haptic_accel.core.actuator.safety import MAX_AGE
+from haptic_accel.core.actuator import MAX_AGE
 from haptic_accel.core.sampling import NANOSECONDS
 
 IN_A_ROW = 3

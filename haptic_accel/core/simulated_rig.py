@@ -12,7 +12,7 @@ from typing import Any
 import numpy.typing as npt
 
 from haptic_accel.core import tick, topics
-from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
+from haptic_accel.core.actuator import MasterSafetyParameters, SafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters

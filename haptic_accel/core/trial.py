@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core import model, topics
-from haptic_accel.core.actuator.safety import MasterSafetyParameters
+from haptic_accel.core.actuator import MasterSafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.control import filters
 from haptic_accel.core.control.compensation import CompensationParameters

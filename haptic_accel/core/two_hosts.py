@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from haptic_accel.core import tick
-from haptic_accel.core.actuator.safety import MANUAL
+from haptic_accel.core.actuator import MANUAL
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.coupling import engagement, passive
 from haptic_accel.core.coupling.engagement import Decision, EngagementParameters

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import read_mounting
 from haptic_accel.core.model import ZERO, AccelerometerParameters, FloatArray, Force, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, like, one_line, parameter, shown

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haptic_accel.core.actuator.safety import SafetyParameters
+from haptic_accel.core.actuator import SafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import ZERO, FloatArray
 from haptic_accel.core.sampling import NANOSECONDS

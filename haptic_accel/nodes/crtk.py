@@ -25,7 +25,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from haptic_accel.core import operating_state
-from haptic_accel.core.actuator.safety import ArmLimits
+from haptic_accel.core.actuator import ArmLimits
 from haptic_accel.core.coupling.position_servo import PositionServo, PositionServoParameters
 from haptic_accel.core.model import Sample, Vector
 from haptic_accel.core.operating_state import DISABLED, ENABLED, FAULT, MESSAGES, PAUSED

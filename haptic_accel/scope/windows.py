@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, NAMES, Axes
 from haptic_accel.core.control import filters
 from haptic_accel.core.control.channel import FADING, LISTENING

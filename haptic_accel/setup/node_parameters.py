@@ -13,8 +13,7 @@ from typing import Any
 
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core import sampling
-from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
+from haptic_accel.core.actuator import ActuatorParameters, MasterSafetyParameters, SafetyParameters
 from haptic_accel.core.control.compensation import PLANT, CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.filters import check_corner

@@ -24,7 +24,7 @@ from haptic_accel.analysis.identification_result import (
     OneAxisResult,
     write_report,
 )
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.identification.evaluation import Identification, identify_handle
 from haptic_accel.core.identification.fit import DEFAULT_FREE
 from haptic_accel.core.identification.sweep import SweepParameters

@@ -19,7 +19,7 @@ from haptic_accel.analysis.identification_result import (
     plant_error,
     write_report,
 )
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.handle.plant import read_matrix_plant
 from haptic_accel.core.identification.fit import DEFAULT_FREE
 from haptic_accel.core.identification.three_axes import identify_three_axes

@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from chaos.traced_node import ACTUATOR, ARM, OPENED, RECORD, TICK
-from haptic_accel.core.actuator import safety
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core import actuator
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.tick.limits import FORCE_ROUNDING
 
-PEAKS = {ARM: safety.ARM_PEAK_FORCE, ACTUATOR: ActuatorParameters.peak_force}
-TIMEOUTS = {ARM: safety.ARM_TIMEOUT, ACTUATOR: safety.ACTUATOR_TIMEOUT}
+PEAKS = {ARM: actuator.ARM_PEAK_FORCE, ACTUATOR: ActuatorParameters.peak_force}
+TIMEOUTS = {ARM: actuator.ARM_TIMEOUT, ACTUATOR: actuator.ACTUATOR_TIMEOUT}
 
 GRACE = 1.5
 """Periods by which a force may outlast its time-out: it ends with a tick, which may be early."""
@@ -86,7 +86,7 @@ class DeviceTrace:
     def _check_silence(self) -> None:
         """Look whether a force without commands ended with the tick before, at the latest."""
         for kind, held in self.held.items():
-            allowed = max(TIMEOUTS[kind], safety.LEAST_PERIODS * self._period)
+            allowed = max(TIMEOUTS[kind], actuator.LEAST_PERIODS * self._period)
             silence = min(self._ticked - held.since, self._ticked_at - held.given)
             assert not held.force or silence <= allowed + GRACE * self._period, (
                 f"{self._path.name}: force of kind {kind}, {held.force} N, held for"

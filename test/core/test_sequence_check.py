@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.actuator.safety import MAX_AGE
+from haptic_accel.core.actuator import MAX_AGE
 from haptic_accel.core.sequence_check import (
     CONFIRMING_LOOKS,
     IN_A_ROW,

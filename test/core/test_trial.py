@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, ALL_AXES
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers.inverse import InverseParameters

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
-from haptic_accel.core.actuator.safety import SafetyParameters
+from haptic_accel.core.actuator import SafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes, along_actuator
 from haptic_accel.core.coupling.engagement import FREE_TIME, STEP_PERIOD
 from haptic_accel.core.coupling.passive import PassiveParameters

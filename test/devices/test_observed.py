@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from haptic_accel.core.actuator.safety import MasterSafetyParameters
+from haptic_accel.core.actuator import MasterSafetyParameters
 from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.model import ZERO, AccelerometerParameters, Vector

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.model import ACTUATOR, Vector

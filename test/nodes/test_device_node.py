@@ -27,8 +27,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
 from haptic_accel.core import topics
-from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.actuator.safety import ARM_PEAK_FORCE, ARM_TIMEOUT, MAX_AGE
+from haptic_accel.core.actuator import ARM_PEAK_FORCE, ARM_TIMEOUT, MAX_AGE, ActuatorParameters
 from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.cdr import StampedVector
 from haptic_accel.core.coupling import engagement

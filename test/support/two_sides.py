@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 
 from two_arms import HAND_DAMPING, RATE, Around, Hand, Path, PointMass
 
-from haptic_accel.core.actuator.safety import ArmLimits, SafetyParameters
+from haptic_accel.core.actuator import ArmLimits, SafetyParameters
 from haptic_accel.core.coupling.passive import PassiveHalf, PassiveParameters
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.channel import Channel

@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.controllers import CONTROLLERS, OWN_CONTROLLERS, Loop, granted_delay
 from haptic_accel.core.control.controllers.foreign import NO_FORCE, ForeignController, replaced

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
 from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.channel import LARGEST_GAIN, Channel

@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from haptic_accel.core.actuator.safety import AUTOMATIC, MANUAL
+from haptic_accel.core.actuator import AUTOMATIC, MANUAL
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.tick.coupling import STEP_PERIOD, ArmWatch
 from haptic_accel.core.topics import ARMS

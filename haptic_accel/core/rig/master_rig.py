@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core import model
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
 from haptic_accel.core.handle import mechanics as one
 from haptic_accel.core.handle import three_axis as three

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from haptic_accel.core.actuator.safety import MAX_AGE
+from haptic_accel.core.actuator import MAX_AGE
 from haptic_accel.core.model import LATER, ZERO
 from haptic_accel.core.tick.histogram import DurationHistogram
 from haptic_accel.core.tick.kernels import INFINITE

@@ -9,7 +9,7 @@ import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from haptic_accel.core.actuator.parameters import ActuatorParameters
+    from haptic_accel.core.actuator import ActuatorParameters
     from haptic_accel.core.model import Suspension
 
 LARGEST_ACCELERATION: float = 1.0e4

@@ -19,7 +19,12 @@ from typing import TYPE_CHECKING
 from haptic_accel.core.tick.guard import ActuatorGuard, Coil, scale_within
 
 if TYPE_CHECKING:
-    from haptic_accel.core.actuator import safety
+    from haptic_accel.core.actuator import (
+        ActuatorCommandLimits,
+        ArmLimits,
+        MasterSafetyParameters,
+        SafetyParameters,
+    )
     from haptic_accel.core.axes import Axes
 
 FORCE_ROUNDING: float = 1e-9
@@ -84,9 +89,9 @@ class ForceLimit:
     """
 
     def __init__(
-        self, name: str, limits: safety.ActuatorCommandLimits, rate: float, manual: bool
+        self, name: str, limits: ActuatorCommandLimits, rate: float, manual: bool
     ) -> None:
-        from haptic_accel.core.actuator.safety import LEAST_PERIODS
+        from haptic_accel.core.actuator import LEAST_PERIODS
 
         self.name: str = name
         self._timeout: float = max(limits.command_timeout, LEAST_PERIODS / rate)
@@ -242,7 +247,7 @@ class ArmLimit(ForceLimit):
         Number of commands above the peak force.
     """
 
-    def __init__(self, limits: safety.ArmLimits, rate: float, manual: bool) -> None:
+    def __init__(self, limits: ArmLimits, rate: float, manual: bool) -> None:
         super().__init__("arm force", limits, rate, manual)
         self._peak: float = limits.peak_force
         self.limited = 0
@@ -290,7 +295,7 @@ class ActuatorLimit(ForceLimit):
     """
 
     def __init__(
-        self, parameters: safety.MasterSafetyParameters, rate: float, axes: Axes, manual: bool
+        self, parameters: MasterSafetyParameters, rate: float, axes: Axes, manual: bool
     ) -> None:
         super().__init__("actuator force", parameters.actuator, rate, manual)
         self.coils: list[Coil] = [Coil(parameters.hardware, rate, index) for index in axes.indices]
@@ -420,16 +425,16 @@ class SafetyLayer:
     """
 
     def __init__(
-        self, parameters: safety.SafetyParameters, rate: float, axes: Axes | None = None
+        self, parameters: SafetyParameters, rate: float, axes: Axes | None = None
     ) -> None:
-        from haptic_accel.core.actuator import safety
+        from haptic_accel.core.actuator import MANUAL, MasterSafetyParameters
         from haptic_accel.core.axes import ACTUATOR_AXES
 
-        manual = parameters.recovery == safety.MANUAL
+        manual = parameters.recovery == MANUAL
         self.arm_limit = ArmLimit(parameters.arm, rate, manual)
         self.actuator_limit: ActuatorLimit | None = None
         self._limits: list[ForceLimit] = [self.arm_limit]
-        if isinstance(parameters, safety.MasterSafetyParameters):
+        if isinstance(parameters, MasterSafetyParameters):
             self.actuator_limit = ActuatorLimit(parameters, rate, axes or ACTUATOR_AXES, manual)
             self._limits.append(self.actuator_limit)
         self.stopped = self.active = False

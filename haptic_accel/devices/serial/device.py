@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import ALL_AXES, NAMES, Axes, Mounting, read_mounting, read_numbers
 from haptic_accel.core.model import ZERO, Force, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import ALL_AXES, Axes
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.sweep import (

@@ -14,6 +14,7 @@ from haptic_accel.core.actuator.safety import (
     ARM_PEAK_FORCE,
     ARM_TIMEOUT,
     MAX_AGE,
+    ActuatorParameters,
     MasterSafetyParameters,
 )
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator

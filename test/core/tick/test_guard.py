@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core import model
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.identification.sweep import SweepParameters, excitation
 from haptic_accel.core.parameters import ParameterError

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.actuator import safety
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core import actuator as safety
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, ACTUATOR_AXIS, ALL_AXES, Axes, along_actuator
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import from_flat
@@ -257,7 +257,9 @@ def test_a_time_out_is_never_shorter_than_some_periods() -> None:
     assert bench.actuator == 0.0
 
 
-@pytest.mark.parametrize("age", [1.1 * safety.MAX_AGE, -1.1 * safety.MAX_AGE, math.nan, math.inf])
+@pytest.mark.parametrize(
+    "age", [1.1 * safety.MAX_AGE, -1.1 * safety.MAX_AGE, math.nan, math.inf]
+)
 def test_a_command_out_of_date_gives_zero_until_one_in_date(age: float) -> None:
     bench = Bench()
     bench.command(1.0)

@@ -9,8 +9,7 @@ from collections.abc import Callable
 
 import pytest
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
+from haptic_accel.core.actuator import ActuatorParameters, MasterSafetyParameters, SafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.coupling.engagement import STEP_PERIOD, Engagement, EngagementParameters

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY
 from haptic_accel.core.control.response_estimation import NEVER
 from haptic_accel.core.handle.plant import Plant

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
 from haptic_accel.core.control.inversion import spectrum as spectra
 from haptic_accel.core.control.inversion.design import Goal, nearest

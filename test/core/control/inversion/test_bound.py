@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.inversion.bound import bounds, causal_bound
 from haptic_accel.core.control.inversion.spectrum import measured_spectrum
 from haptic_accel.core.handle.plant import DiscreteModel, IdentifiedPlant, Plant

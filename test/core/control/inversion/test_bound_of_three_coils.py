@@ -13,7 +13,7 @@ import pytest
 from scipy import signal
 from scipy.spatial.transform import Rotation
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
 from haptic_accel.core.handle.plant import MatrixPlant, Plant

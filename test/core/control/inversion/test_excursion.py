@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters

@@ -9,8 +9,7 @@ import math
 
 import pytest
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.actuator.safety import MasterSafetyParameters
+from haptic_accel.core.actuator import ActuatorParameters, MasterSafetyParameters
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 
 
