@@ -37,8 +37,8 @@ from haptic_accel import (
 )
 from haptic_accel.analysis.plots import BLACK, BLUE, VERMILION
 from haptic_accel.core.control.compensation import matrix_plant
+from haptic_accel.core.control.error_bound import bounds
 from haptic_accel.core.control.filters import high_passed
-from haptic_accel.core.control.inversion.bound import bounds
 from haptic_accel.core.evaluation.metrics import aligned, direction_error, evaluate
 from haptic_accel.setup.arguments import SURFACES
 

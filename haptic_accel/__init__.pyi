@@ -9,10 +9,9 @@ from haptic_accel.analysis.notebook import (NotebookTrial as NotebookTrial, Rig 
     run_trial as run_trial)
 from haptic_accel.bags.reading import Bag as Bag, read_bag as read_bag
 from haptic_accel.core.axes import Axes as Axes
-from haptic_accel.core.control.inversion.bound import causal_bound as causal_bound
-from haptic_accel.core.control.inversion.design import (Goal as Goal,
-    design_inverse as design_inverse)
-from haptic_accel.core.control.inversion.prediction import predict as predict
+from haptic_accel.core.control.error_bound import causal_bound as causal_bound
+from haptic_accel.core.control.inversion import (Goal as Goal, design_inverse as design_inverse,
+    predict as predict)
 from haptic_accel.core.coupling.passive import PassiveParameters as PassiveParameters
 from haptic_accel.core.evaluation.metrics import (align as align,
     indistinguishable as indistinguishable, nrmse as nrmse)

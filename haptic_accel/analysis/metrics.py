@@ -19,8 +19,8 @@ from haptic_accel.analysis.traces import Portrait, Traces
 from haptic_accel.bags.delivery import AGE_OF
 from haptic_accel.core import topics
 from haptic_accel.core.axes import ALL_AXES, NAMES
+from haptic_accel.core.control.error_bound import bounds
 from haptic_accel.core.control.filters import comparable, without_hand_motion
-from haptic_accel.core.control.inversion.bound import bounds
 from haptic_accel.core.control.supervision import supervise
 from haptic_accel.core.evaluation import metrics as measures
 from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval

@@ -23,7 +23,7 @@ from haptic_accel.bags.delivery import count
 from haptic_accel.bags.reading import Bag, Diagnosis, read_bag
 from haptic_accel.bags.trial_bag import trial_vectors
 from haptic_accel.core import topics
-from haptic_accel.core.bounded_files import located
+from haptic_accel.core.files import located
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, grid_indices, on_grid

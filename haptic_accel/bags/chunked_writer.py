@@ -30,7 +30,7 @@ from haptic_accel.bags.mcap import Chunk
 from haptic_accel.bags.mcap_format import Channel, Schema, Tally, record, text, text_map
 from haptic_accel.bags.metadata import qos_text
 from haptic_accel.bags.rosbags_adapter import zstd
-from haptic_accel.core.safe_writing import sync_folder
+from haptic_accel.core.files import sync_folder
 
 CHUNK = 1 << 20
 """Size of a complete chunk, bytes; 768 KiB in rosbag2."""

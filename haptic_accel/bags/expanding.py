@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from haptic_accel.bags.rosbags_adapter import zstd
-from haptic_accel.core.bounded_files import opened
+from haptic_accel.core.files import opened
 
 LARGEST_RECORD = 1 << 26
 """Maximum size of a record, chunk or message, bytes; rosbag2's chunks have 768 KiB."""

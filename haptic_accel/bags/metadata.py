@@ -28,10 +28,9 @@ from haptic_accel.bags.folder import METADATA
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, McapFile
 from haptic_accel.bags.mcap_format import NEVER, Channel, Tally, read_text_map
 from haptic_accel.bags.rosbags_adapter import dump_qos_v9, parse_qos
-from haptic_accel.core.bounded_files import read_bytes
 from haptic_accel.core.document import Document, load_yaml, texts_of
+from haptic_accel.core.files import read_bytes, replace_file
 from haptic_accel.core.parameters import Specification, one_line
-from haptic_accel.core.safe_writing import replace_file
 from haptic_accel.core.sampling import NANOSECONDS
 
 

@@ -17,7 +17,7 @@ from haptic_accel.cli.options import update_option, verb, words
 from haptic_accel.cli.output import StoppedError, check_writable, next_command
 from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import NAMES
-from haptic_accel.core.bounded_files import located
+from haptic_accel.core.files import located
 from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
 from haptic_accel.devices import sound_calibration

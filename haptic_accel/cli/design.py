@@ -17,12 +17,10 @@ from haptic_accel.cli.output import next_command, save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.compensation import PLANT
-from haptic_accel.core.control.controllers.feedback import FeedbackParameters
+from haptic_accel.core.control.controllers.fixed import FeedbackParameters, InverseParameters
 from haptic_accel.core.control.controllers.interface import Loop
-from haptic_accel.core.control.controllers.inverse import InverseParameters
-from haptic_accel.core.control.inversion.bound import bounds, causal_bound
-from haptic_accel.core.control.inversion.prediction import predict
-from haptic_accel.core.control.inversion.spectrum import ToolSpectrum, measured_spectrum
+from haptic_accel.core.control.error_bound import bounds, causal_bound
+from haptic_accel.core.control.inversion import ToolSpectrum, measured_spectrum, predict
 from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tables import Column, ResultTable

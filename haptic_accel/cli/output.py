@@ -17,7 +17,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from haptic_accel.core.bounded_files import located
+from haptic_accel.core.files import located
 from haptic_accel.core.parameters import ParameterError, defined, printable
 from haptic_accel.core.process import FAILED
 

@@ -20,7 +20,7 @@ from haptic_accel.analysis.provenance import version
 from haptic_accel.cli.output import StoppedError
 from haptic_accel.cli.running import progress_bar, stop_on_signal
 from haptic_accel.cli.workers import Item, Result, Stop, Workers
-from haptic_accel.core.bounded_files import located, opened
+from haptic_accel.core.files import located, opened
 from haptic_accel.core.process import INTERRUPTED, PROGRESS, notify_supervisor
 
 Show = Callable[[float], None]

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from haptic_accel.cli.output import StoppedError
-from haptic_accel.core.bounded_files import located
+from haptic_accel.core.files import located
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import ENDING, report_unraisable
 

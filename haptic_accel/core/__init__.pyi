@@ -5,8 +5,8 @@
 from haptic_accel.core.actuator import (ActuatorParameters as ActuatorParameters,
     SafetyParameters as SafetyParameters)
 from haptic_accel.core.axes import ALL_AXES as ALL_AXES, VIBRATION as VIBRATION
-from haptic_accel.core.bounded_files import (located as located, opened as opened,
-    read_xml as read_xml)
+from haptic_accel.core.files import (located as located, opened as opened, read_xml as read_xml,
+    replace_file as replace_file, sync_folder as sync_folder, whole_folder as whole_folder)
 from haptic_accel.core.control.channel import LARGEST_GAIN as LARGEST_GAIN, RAMP as RAMP
 from haptic_accel.core.control.compensation import Compensation as Compensation
 from haptic_accel.core.control.fallback import NO_CONTROLLER as NO_CONTROLLER
@@ -19,8 +19,6 @@ from haptic_accel.core.model import (ACTUATOR as ACTUATOR, GRAVITY as GRAVITY, Z
 from haptic_accel.core.network.endpoint import random_session as random_session
 from haptic_accel.core.network.playout import PLAYED_KINDS as PLAYED_KINDS
 from haptic_accel.core.reduction import REDUCTIONS as REDUCTIONS
-from haptic_accel.core.safe_writing import (replace_file as replace_file,
-    sync_folder as sync_folder, whole_folder as whole_folder)
 from haptic_accel.core.simulated_rig import (RigParameters as RigParameters,
     build_loop as build_loop)
 from haptic_accel.core.surfaces.texture import (autocovariance as autocovariance,

@@ -19,7 +19,7 @@ from typing import Any, ClassVar, NoReturn, TypeVar
 import numpy as np
 import yaml
 
-from haptic_accel.core import bounded_files, parameters
+from haptic_accel.core import files, parameters
 from haptic_accel.core.model import FloatArray, Vector
 
 # With libyaml, if PyYAML includes it, ten times faster.
@@ -77,10 +77,8 @@ def load_yaml(text: str, *, exponents: bool = False) -> Any:
         The text is not YAML, is too large or too deep, or has aliases, which may expand to any
         amount of data; the message is one line.
     """
-    if len(text) > bounded_files.LARGEST_TEXT:
-        raise ValueError(
-            f"{len(text)} characters; at most {bounded_files.LARGEST_TEXT} are allowed"
-        )
+    if len(text) > files.LARGEST_TEXT:
+        raise ValueError(f"{len(text)} characters; at most {files.LARGEST_TEXT} are allowed")
     try:
         _check(text)
         return yaml.load(text, _ExponentLoader if exponents else _Loader)
@@ -107,14 +105,14 @@ def _check(text: str) -> None:
     depth = values = 0
     for event in yaml.parse(text, _FASTEST):
         values += isinstance(event, yaml.NodeEvent)
-        if values > bounded_files.MOST_VALUES:
-            raise ValueError(f"it has more than {bounded_files.MOST_VALUES} values and names")
+        if values > files.MOST_VALUES:
+            raise ValueError(f"it has more than {files.MOST_VALUES} values and names")
         if isinstance(event, yaml.AliasEvent):
             raise ValueError("it has an alias (*), which is not allowed")
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
-        if depth > bounded_files.DEEPEST:
-            raise ValueError(bounded_files.TOO_DEEP)
+        if depth > files.DEEPEST:
+            raise ValueError(files.TOO_DEEP)
 
 
 def lines_of(text: str) -> dict[tuple[str, ...], int]:
@@ -307,8 +305,8 @@ def read_yaml_document(path: Path) -> Document:
     ParameterError
         The file cannot be read, or has another format.
     """
-    with bounded_files.located(parameters.shown(str(path)), "must be YAML"):
-        text = bounded_files.read_text(path)
+    with files.located(parameters.shown(str(path)), "must be YAML"):
+        text = files.read_text(path)
         return Document(path, load_yaml(text, exponents=True), text)
 
 
@@ -320,5 +318,5 @@ def read_json_document(path: Path) -> Document:
     ParameterError
         The file cannot be read, or has another format.
     """
-    with bounded_files.located(parameters.shown(str(path)), "must be JSON"):
-        return Document(path, bounded_files.read_json(path))
+    with files.located(parameters.shown(str(path)), "must be JSON"):
+        return Document(path, files.read_json(path))

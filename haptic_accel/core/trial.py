@@ -18,7 +18,7 @@ from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.control import filters
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
-from haptic_accel.core.control.inversion.bound import Bounds, bounds
+from haptic_accel.core.control.error_bound import Bounds, bounds
 from haptic_accel.core.evaluation import metrics
 from haptic_accel.core.identification import sweep
 from haptic_accel.core.model import FloatArray

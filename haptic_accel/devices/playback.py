@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from haptic_accel.bags.folder import is_storage
 from haptic_accel.core import track
-from haptic_accel.core.bounded_files import located
+from haptic_accel.core.files import located
 from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
 from haptic_accel.core.sampling import NANOSECONDS, Stamped, sampling_rate
 from haptic_accel.core.topics import MASTER, SLAVE, ArmTopics, Topic

@@ -16,8 +16,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from haptic_accel.core.bounded_files import located, opened
 from haptic_accel.core.bounded_work import OutOfBoundsError, bounded, run_bounded
+from haptic_accel.core.files import located, opened
 from haptic_accel.core.parameters import ParameterError, one_line, shown
 
 SECONDS = 2.0

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core import sampling
-from haptic_accel.core.bounded_files import opened
+from haptic_accel.core.files import opened
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.outliers import without_outliers
 from haptic_accel.core.parameters import ParameterError, shown, warn_once

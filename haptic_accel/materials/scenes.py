@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.core import parameters
-from haptic_accel.core.bounded_files import located, read_bytes
 from haptic_accel.core.bounded_work import OutOfBoundsError, run_bounded
 from haptic_accel.core.document import Document, read_yaml_document
+from haptic_accel.core.files import located, read_bytes
 from haptic_accel.core.model import vector
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import SHAPES, DistanceGrid, HeightField

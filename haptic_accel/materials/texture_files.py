@@ -22,8 +22,8 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
-from haptic_accel.core.bounded_files import located, read_bytes
 from haptic_accel.core.document import Document, load_yaml, read_yaml_document
+from haptic_accel.core.files import located, read_bytes
 from haptic_accel.core.parameters import one_line, shown
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
 
@@ -58,7 +58,7 @@ def read_array(path: Path) -> Array:
     Raises
     ------
     OSError
-        See `core.bounded_files.opened` for the conditions.
+        See `core.files.opened` for the conditions.
     ValueError
         The file is not an NPY file, or is too large.
     """
@@ -71,7 +71,7 @@ def read_arrays(path: Path) -> dict[str, Array]:
     Raises
     ------
     OSError
-        See `core.bounded_files.opened` for the conditions.
+        See `core.files.opened` for the conditions.
     ValueError
         The file is not an NPZ file, or has too many or too large arrays.
     """

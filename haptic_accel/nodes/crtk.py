@@ -24,11 +24,18 @@ from rclpy.lifecycle import TransitionCallbackReturn as Outcome
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-from haptic_accel.core import operating_state
+from haptic_accel.core import crtk
 from haptic_accel.core.actuator import ArmLimits
-from haptic_accel.core.coupling.position_servo import PositionServo, PositionServoParameters
+from haptic_accel.core.crtk import (
+    DISABLED,
+    ENABLED,
+    FAULT,
+    MESSAGES,
+    PAUSED,
+    PositionServo,
+    PositionServoParameters,
+)
 from haptic_accel.core.model import Sample, Vector
-from haptic_accel.core.operating_state import DISABLED, ENABLED, FAULT, MESSAGES, PAUSED
 from haptic_accel.core.parameters import shown
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import SafetyLayer
@@ -370,7 +377,7 @@ class OperatingState:
 
     def _obey(self, command: str) -> None:
         """Execute a state command, or log the reason of its refusal."""
-        refused = operating_state.refusal(command, self.state)
+        refused = crtk.refusal(command, self.state)
         if not refused:
             self.report(busy=True, again=True)
             refused = self._carry_out(command)
@@ -380,13 +387,13 @@ class OperatingState:
 
     def _carry_out(self, command: str) -> str:
         """Change the node's state by a command; return the reason if that is impossible."""
-        for transition in operating_state.transitions(command, self._node.state):
+        for transition in crtk.transitions(command, self._node.state):
             if getattr(self._node, f"trigger_{transition}")() != Outcome.SUCCESS:
                 return f"{transition} failed"
-        self._pausing = command == operating_state.PAUSE
-        if command == operating_state.DISABLE:
+        self._pausing = command == crtk.PAUSE
+        if command == crtk.DISABLE:
             self._known_fault = self._fault()
-        elif command in (operating_state.ENABLE, operating_state.RESUME):
+        elif command in (crtk.ENABLE, crtk.RESUME):
             self._known_fault = ""
             if self.state in (FAULT, PAUSED):
                 return self._rearm()

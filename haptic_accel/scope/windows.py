@@ -19,7 +19,7 @@ from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, NAMES, Axes
 from haptic_accel.core.control import filters
 from haptic_accel.core.control.channel import FADING, LISTENING
-from haptic_accel.core.control.inversion.bound import bounds
+from haptic_accel.core.control.error_bound import bounds
 from haptic_accel.core.evaluation.metrics import Spectra, evaluate, indistinguishable, spectra
 from haptic_accel.core.handle.plant import Dynamics
 from haptic_accel.core.model import FloatArray, Vector

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple, TypeAlias
 
 import yaml
 
-from haptic_accel.core.bounded_files import located
 from haptic_accel.core.control.compensation import PLANT
-from haptic_accel.core.control.inversion.design import LONGEST_GRANTED_TIME
+from haptic_accel.core.control.inversion import LONGEST_GRANTED_TIME
 from haptic_accel.core.document import Document, read_yaml_document
+from haptic_accel.core.files import located
 from haptic_accel.core.parameters import ParameterError, checked, printable, shown, warn_once
 from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.materials.folders import config_folder, is_recording, preset_file

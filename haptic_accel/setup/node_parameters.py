@@ -19,7 +19,7 @@ from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.filters import check_corner
 from haptic_accel.core.coupling.engagement import EngagementParameters
 from haptic_accel.core.coupling.passive import CouplingParameters, PassiveParameters
-from haptic_accel.core.coupling.position_servo import PositionServoParameters
+from haptic_accel.core.crtk import PositionServoParameters
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR, AccelerometerParameters

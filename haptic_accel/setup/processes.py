@@ -16,9 +16,9 @@ from typing import Any
 
 from haptic_accel.bags import NO_ROSBAGS
 from haptic_accel.core.axes import Axes
-from haptic_accel.core.bounded_files import located
 from haptic_accel.core.control.channel import check_controller
 from haptic_accel.core.control.compensation import check_axes
+from haptic_accel.core.files import located
 from haptic_accel.core.identification.sweep import repeat_samples
 from haptic_accel.core.outside import node_module
 from haptic_accel.core.parameters import ParameterError

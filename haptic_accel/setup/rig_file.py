@@ -10,9 +10,8 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from haptic_accel.core.bounded_files import located, read_text
+from haptic_accel.core.files import located, read_text, replace_file
 from haptic_accel.core.parameters import ParameterError, shown
-from haptic_accel.core.safe_writing import replace_file
 from haptic_accel.setup import files
 from haptic_accel.setup.files import ROS_PARAMETERS
 

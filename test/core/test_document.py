@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from haptic_accel.core import document
-from haptic_accel.core.bounded_files import LARGEST_TEXT
+from haptic_accel.core.files import LARGEST_TEXT
 from haptic_accel.core.parameters import ParameterError, Specification
 
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(

@@ -18,8 +18,7 @@ from scipy import signal
 from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, ALL_AXES
 from haptic_accel.core.control.compensation import CompensationParameters
-from haptic_accel.core.control.controllers.inverse import InverseParameters
-from haptic_accel.core.control.controllers.paper import ConstantParameters
+from haptic_accel.core.control.controllers.fixed import ConstantParameters, InverseParameters
 from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.coupling.passive import CouplingParameters
 from haptic_accel.core.evaluation.metrics import TABLE_II, evaluate

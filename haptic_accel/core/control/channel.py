@@ -12,8 +12,12 @@ from contextlib import suppress
 from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.controllers import CONTROLLERS, OWN_CONTROLLERS, Loop, granted_delay
-from haptic_accel.core.control.controllers.foreign import NO_FORCE, ForeignController, replaced
-from haptic_accel.core.control.controllers.interface import Controller
+from haptic_accel.core.control.controllers.interface import (
+    NO_FORCE,
+    Controller,
+    ForeignController,
+    replaced,
+)
 from haptic_accel.core.control.fallback import Fallback
 from haptic_accel.core.control.filters import MOTION_SHARE, cancelling_sections, high_pass
 from haptic_accel.core.model import ACTUATOR, ApproximateModel

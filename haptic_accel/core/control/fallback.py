@@ -11,8 +11,8 @@ import numpy as np
 
 from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.control.controllers.fixed import DynamicController
 from haptic_accel.core.control.controllers.interface import Loop
-from haptic_accel.core.control.controllers.paper import DynamicController
 from haptic_accel.core.control.response_estimation import ResponseEstimator, latest
 from haptic_accel.core.control.supervision import HIGHEST_SHARE, ResponseSupervisor
 from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray

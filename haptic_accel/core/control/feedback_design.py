@@ -29,9 +29,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from haptic_accel.core.control import inversion
 from haptic_accel.core.control.filters import high_pass, high_pass_response, section_response
-from haptic_accel.core.control.inversion import design
-from haptic_accel.core.control.inversion.spectrum import SENSOR_DENSITY
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import grid_for
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters
@@ -281,7 +280,7 @@ def design_feedback(
     plant: Plant,
     rate: float,
     feedforward: Response,
-    goal: design.Goal = design.DEFAULT_GOAL,
+    goal: inversion.Goal = inversion.DEFAULT_GOAL,
     *,
     foreseen: bool = True,
     margin: float = MARGIN,
@@ -370,7 +369,7 @@ class _Problem:
         plants: list[Plant],
         rate: float,
         feedforward: Response,
-        goal: design.Goal,
+        goal: inversion.Goal,
         *,
         foreseen: bool,
         margin: float,
@@ -391,12 +390,12 @@ class _Problem:
         self._fought = responses * force - target - self._kept
         expected = goal.spectrum(frequency) * np.abs(passed) ** 2
         self._expected = expected / expected.sum()
-        unexpected = design.UNEXPECTED_DENSITY**2 * np.abs(passed) ** 2
+        unexpected = inversion.UNEXPECTED_DENSITY**2 * np.abs(passed) ** 2
         falling = (1.0 + (frequency / PERCEPTIBLE_FREQUENCY) ** 2) ** 3
         power = expected + unexpected / falling
         self._power = power / (len(plants) * power.sum())
-        self._noise = SENSOR_DENSITY**2 / (len(plants) * float(power.sum()))
-        self._unexpected = design.FORCE_COST**2 * unexpected / (len(plants) * power.sum())
+        self._noise = inversion.SENSOR_DENSITY**2 / (len(plants) * float(power.sum()))
+        self._unexpected = inversion.FORCE_COST**2 * unexpected / (len(plants) * power.sum())
         self._surprise = passed * late * self._fought
 
     def search(self) -> FloatArray:
@@ -414,7 +413,7 @@ class _Problem:
         """Return the largest factor for Q, found by bisection, that satisfies the margin."""
         if self._keeps(taps):
             return 1.0
-        return design.nearest(lambda share: self._keeps(share * taps), 1.0, 0.0, _HALVINGS)
+        return inversion.nearest(lambda share: self._keeps(share * taps), 1.0, 0.0, _HALVINGS)
 
     def outlook(self, taps: FloatArray) -> tuple[ComplexArray, list[float], list[float]]:
         """Return L of all grips, and their errors in percent without and with feedback."""
@@ -443,7 +442,9 @@ class _Problem:
             return math.inf
         sensitivity = loops.sensitivity
         error = np.abs(self._kept + sensitivity * self._fought) ** 2
-        error += design.FORCE_COST**2 * np.abs(loops.answer * self._surprise / loops.turned) ** 2
+        error += (
+            inversion.FORCE_COST**2 * np.abs(loops.answer * self._surprise / loops.turned) ** 2
+        )
         noise = self._noise * np.sum(np.abs(1.0 - sensitivity) ** 2)
         return float(
             np.sum(error @ self._power)
@@ -475,7 +476,7 @@ class _Problem:
         loops = self._loops(taps)
         sensitivity = loops.sensitivity
         reached = -self._through / loops.turned**2  # derivative of S with respect to Q
-        force = self._power * np.abs(design.FORCE_COST * self._surprise / loops.turned) ** 2
+        force = self._power * np.abs(inversion.FORCE_COST * self._surprise / loops.turned) ** 2
         force += self._unexpected / np.abs(loops.turned) ** 2
         outside = sensitivity - self._nearest(sensitivity)
         held = penalty / sensitivity.size

@@ -22,7 +22,7 @@ from haptic_accel.core.axes import NAMES, along_actuator
 from haptic_accel.core.control.channel import FADING, LISTENING, RESTING
 from haptic_accel.core.control.diagnosis import FITTING, RAISING
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
-from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
+from haptic_accel.core.control.inversion import PRIOR, ToolSpectrum
 from haptic_accel.core.control.response_estimation import latest
 from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.handle.plant import MatrixPlant

@@ -22,8 +22,8 @@ from std_msgs.msg import Bool
 
 from haptic_accel.core.axes import Orientation
 from haptic_accel.core.cdr import StampedVector, unpack_orientation, unpack_stamped_vector
+from haptic_accel.core.crtk import MESSAGES
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.operating_state import MESSAGES
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.sequence_check import SequenceCheck, SolePublisher
 from haptic_accel.core.topics import SLAVE

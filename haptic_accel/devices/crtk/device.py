@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from time import monotonic, sleep
 from typing import TYPE_CHECKING
 
+from haptic_accel.core.crtk import ENABLE, ENABLED
 from haptic_accel.core.model import ZERO, Force
-from haptic_accel.core.operating_state import ENABLE, ENABLED
 from haptic_accel.core.parameters import Checked, ParameterError, like, parameter, warn_once
 from haptic_accel.devices.interface import Device, DeviceError, Sample
 

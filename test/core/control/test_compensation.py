@@ -24,7 +24,7 @@ from haptic_accel.core.control import channel as module
 from haptic_accel.core.control.channel import FADING, LISTENING, RAMP, build_controller
 from haptic_accel.core.control.compensation import LARGEST_ACCELERATION, CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop
-from haptic_accel.core.control.controllers.paper import ConstantParameters
+from haptic_accel.core.control.controllers.fixed import ConstantParameters
 from haptic_accel.core.control.filters import check_corner, high_pass, inverse_of
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import GRAVITY, ApproximateModel, FloatArray, HandleParameters

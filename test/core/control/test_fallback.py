@@ -16,7 +16,7 @@ from scipy import signal
 from haptic_accel.core.control import fallback
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.control.controllers.paper import ConstantParameters
+from haptic_accel.core.control.controllers.fixed import ConstantParameters
 from haptic_accel.core.control.fallback import FADING, PAUSE, TRIAL
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import grid_for

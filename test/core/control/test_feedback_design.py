@@ -20,8 +20,7 @@ from haptic_accel.core.control.feedback_design import (
     encirclements,
     loop_margins,
 )
-from haptic_accel.core.control.inversion.design import Goal, design_inverse
-from haptic_accel.core.control.inversion.spectrum import TexturePrior
+from haptic_accel.core.control.inversion import Goal, TexturePrior, design_inverse
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import Grid
 from haptic_accel.core.model import HandleParameters, MountParameters

@@ -17,17 +17,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import linalg, signal
 
+from haptic_accel.core.control.error_bound import causal_bound
 from haptic_accel.core.control.filters import high_pass
-from haptic_accel.core.control.inversion.bound import causal_bound
-from haptic_accel.core.control.inversion.design import (
+from haptic_accel.core.control.inversion import (
     EXTENDED_CORNER,
+    PRIOR,
     Goal,
+    TexturePrior,
     design_basis,
     design_inverse,
     extension,
+    measured_spectrum,
+    predict,
 )
-from haptic_accel.core.control.inversion.prediction import predict
-from haptic_accel.core.control.inversion.spectrum import PRIOR, TexturePrior, measured_spectrum
 from haptic_accel.core.handle.plant import DiscreteModel, IdentifiedPlant, Plant
 from haptic_accel.core.handle.response import Grid
 from haptic_accel.core.model import FloatArray, HandleParameters, MountParameters

@@ -257,9 +257,7 @@ def test_a_time_out_is_never_shorter_than_some_periods() -> None:
     assert bench.actuator == 0.0
 
 
-@pytest.mark.parametrize(
-    "age", [1.1 * safety.MAX_AGE, -1.1 * safety.MAX_AGE, math.nan, math.inf]
-)
+@pytest.mark.parametrize("age", [1.1 * safety.MAX_AGE, -1.1 * safety.MAX_AGE, math.nan, math.inf])
 def test_a_command_out_of_date_gives_zero_until_one_in_date(age: float) -> None:
     bench = Bench()
     bench.command(1.0)

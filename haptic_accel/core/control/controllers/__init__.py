@@ -10,11 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from haptic_accel.core.control.controllers import paper
 from haptic_accel.core.control.controllers.adaptive import AdaptiveController
-from haptic_accel.core.control.controllers.feedback import FeedbackController
+from haptic_accel.core.control.controllers.fixed import (
+    ConstantController,
+    DynamicController,
+    FeedbackController,
+    InverseController,
+    InverseParameters,
+    NoController,
+)
 from haptic_accel.core.control.controllers.interface import Controller, Loop
-from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.outside import parameters_problem, with_outside
 from haptic_accel.core.parameters import Checked
@@ -29,9 +34,9 @@ RESERVED = (ACTUATOR, PLANT, "keep")
 """Names that no controller may have: other parts of the compensator, and `control`'s default."""
 
 OWN_CONTROLLERS: dict[str, type[Controller]] = {
-    "none": paper.NoController,
-    "constant": paper.ConstantController,
-    "dynamic": paper.DynamicController,
+    "none": NoController,
+    "constant": ConstantController,
+    "dynamic": DynamicController,
     "inverse": InverseController,
     "feedback": FeedbackController,
     "adaptive": AdaptiveController,

@@ -11,13 +11,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from haptic_accel.core.control import response_estimation
+from haptic_accel.core.control import inversion, response_estimation
 from haptic_accel.core.control.authority import REDUCED
+from haptic_accel.core.control.controllers.fixed import InverseController, InverseParameters
 from haptic_accel.core.control.controllers.interface import Loop
-from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.grip_estimation import GRIP, AdaptationParameters, GripEstimator
-from haptic_accel.core.control.inversion import design
-from haptic_accel.core.control.inversion.toeplitz import improved
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, grip_denominator, handle_model
 from haptic_accel.core.parameters import parameter
@@ -216,7 +214,7 @@ class Learner:
     """
 
     def __init__(
-        self, trace: Trace, family: InverseFamily, plant: Plant, rate: float, goal: design.Goal
+        self, trace: Trace, family: InverseFamily, plant: Plant, rate: float, goal: inversion.Goal
     ) -> None:
         self.trace, self._family = trace, family
         self._handle = plant.handle
@@ -239,14 +237,18 @@ class Learner:
         self._known = plant.response(lines, rate) / model.response(lines)
         self._s = 2j * np.pi * lines
         self._numerator = np.polyval(model.numerator, self._s)
-        self._equations = design.NormalEquations(plant.handle, lines, rate, goal)
-        self._expected, self._unexpected = map(_spectrum, design.expected_input(rate, goal, lags))
+        self._equations = inversion.NormalEquations(plant.handle, lines, rate, goal)
+        self._expected, self._unexpected = map(
+            _spectrum, inversion.expected_input(rate, goal, lags)
+        )
         self._above = np.interp(lines, LEARNT, (0.0, 1.0))
-        tool = 1.0 / np.abs(design.extended_response(goal.high_pass_frequency, lines, rate)) ** 2
+        tool = (
+            1.0 / np.abs(inversion.extended_response(goal.high_pass_frequency, lines, rate)) ** 2
+        )
         self._tool_power = self._above * tool
         self._expected_power = float(self._tool_power @ self._expected)
         self._taps = family.basis.shape[2]
-        costs = [design.travel_cost(corner) for corner in design.TRAVEL_CORNERS]
+        costs = [inversion.travel_cost(corner) for corner in inversion.TRAVEL_CORNERS]
         self._travel_costs = np.array(costs)[:, np.newaxis]
         self._work: Iterator[bool] | None
         self.reset()
@@ -337,9 +339,9 @@ class Learner:
         taps = family_taps + self.correction
         yield False
         columns = sequences[0] + self._travel_costs * sequences[1]
-        columns[:, 0] *= 1.0 + design.RIDGE
+        columns[:, 0] *= 1.0 + inversion.RIDGE
         steps = 0
-        for better in improved(columns, sequences[2], taps):
+        for better in inversion.improved(columns, sequences[2], taps):
             if better is not None:
                 taps = better
                 steps += 1
@@ -418,13 +420,13 @@ class InverseFamily:
         """
         return np.asarray(np.append(grip, 1.0) @ self.basis)
 
-    def bank(self, grip: FloatArray) -> design.InverseBank:
+    def bank(self, grip: FloatArray) -> inversion.InverseBank:
         """Return the inverses for a grip."""
-        return design.InverseBank(self.sections, self.taps(grip), self.motion)
+        return inversion.InverseBank(self.sections, self.taps(grip), self.motion)
 
 
 def design_family(
-    plant: Plant, rate: float, goal: design.Goal = design.DEFAULT_GOAL
+    plant: Plant, rate: float, goal: inversion.Goal = inversion.DEFAULT_GOAL
 ) -> InverseFamily:
     """Design the inverse for all grips of one actuator.
 
@@ -435,8 +437,8 @@ def design_family(
     -------
     InverseFamily
     """
-    basis = design.design_basis(plant, rate, goal)
+    basis = inversion.design_basis(plant, rate, goal)
     handle = plant.handle
     own = np.array([handle.m_h, handle.b_u, handle.k_u, 1.0]) @ basis
-    sections = design.extension(goal.high_pass_frequency, rate)
-    return InverseFamily(sections, basis, design.tap_responses(plant, rate, own))
+    sections = inversion.extension(goal.high_pass_frequency, rate)
+    return InverseFamily(sections, basis, inversion.tap_responses(plant, rate, own))

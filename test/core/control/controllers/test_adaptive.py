@@ -17,11 +17,10 @@ from haptic_accel.core.control.controllers.adaptive import (
     InverseFamily,
     design_family,
 )
+from haptic_accel.core.control.controllers.fixed import InverseController, InverseParameters
 from haptic_accel.core.control.controllers.interface import Loop
-from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.grip_estimation import LARGEST_FACTORS
-from haptic_accel.core.control.inversion.design import Goal, design_bank, design_inverse
-from haptic_accel.core.control.inversion.prediction import predict
+from haptic_accel.core.control.inversion import Goal, design_bank, design_inverse, predict
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import AccelerometerParameters, FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked

@@ -12,17 +12,16 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from haptic_accel.core.control import inversion
 from haptic_accel.core.control.controllers.adaptive import InverseFamily, Learner, design_family
 from haptic_accel.core.control.filters import high_pass
-from haptic_accel.core.control.inversion import design
-from haptic_accel.core.control.inversion.prediction import predict
-from haptic_accel.core.control.inversion.spectrum import TexturePrior, ToolSpectrum
+from haptic_accel.core.control.inversion import TexturePrior, ToolSpectrum, predict
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, MountParameters
 from haptic_accel.core.tick import Trace
 
 RATE = 1000.0
-GOAL = design.Goal(2)
+GOAL = inversion.Goal(2)
 PLANT = Plant().delayed(1)
 GRIP = np.array([PLANT.handle.m_h, PLANT.handle.b_u, PLANT.handle.k_u])
 
@@ -61,7 +60,7 @@ def give(learner: Learner, *signals: FloatArray) -> None:
 def watch(learner: Learner, tool: FloatArray, force: FloatArray, measured: FloatArray) -> None:
     """Let a learner observe a tool, and a force that is not that of any controller."""
     desired = signal.sosfilt(high_pass(15.0, RATE), tool)
-    extended = signal.sosfilt(design.extension(15.0, RATE), desired)
+    extended = signal.sosfilt(inversion.extension(15.0, RATE), desired)
     give(learner, desired, measured, force, extended)
 
 
@@ -74,13 +73,13 @@ def learn(plant: Plant, spectrum: ToolSpectrum, seconds: float = 6.0) -> Learner
 
 
 def error(taps: FloatArray, plant: Plant, spectrum: TexturePrior) -> float:
-    inverse = design.InverseFilter(design.extension(15.0, RATE), taps, RATE, GOAL)
+    inverse = inversion.InverseFilter(inversion.extension(15.0, RATE), taps, RATE, GOAL)
     return predict(inverse, plant, spectrum).nrmse_percent
 
 
 def best(plant: Plant, spectrum: TexturePrior) -> float:
-    goal = replace(GOAL, spectrum=spectrum, travel_corner=design.TRAVEL_CORNERS[0])
-    return predict(design.design_inverse(plant, RATE, goal), plant, spectrum).nrmse_percent
+    goal = replace(GOAL, spectrum=spectrum, travel_corner=inversion.TRAVEL_CORNERS[0])
+    return predict(inversion.design_inverse(plant, RATE, goal), plant, spectrum).nrmse_percent
 
 
 def test_what_was_expected_changes_nothing() -> None:
@@ -124,15 +123,20 @@ def test_slow_motion_needs_less_travel_where_travel_is_short() -> None:
     learner = learn(PLANT, swaying)
     given = family().taps(GRIP)
     filters = [
-        [design.InverseFilter(design.extension(15.0, RATE), taps, RATE, GOAL) for taps in bank]
+        [
+            inversion.InverseFilter(inversion.extension(15.0, RATE), taps, RATE, GOAL)
+            for taps in bank
+        ]
         for bank in (given, given + learner.correction)
     ]
     before, after = ([predict(each, PLANT, swaying) for each in bank] for bank in filters)
     assert after[0].nrmse_percent < 3.0
     assert after[0].travel_rms < before[0].travel_rms / 5
-    for corner, old, new in zip(design.TRAVEL_CORNERS[1:4], before[1:4], after[1:4], strict=True):
+    for corner, old, new in zip(
+        inversion.TRAVEL_CORNERS[1:4], before[1:4], after[1:4], strict=True
+    ):
         goal = replace(GOAL, spectrum=swaying, travel_corner=corner)
-        best_known = predict(design.design_inverse(PLANT, RATE, goal), PLANT, swaying)
+        best_known = predict(inversion.design_inverse(PLANT, RATE, goal), PLANT, swaying)
         assert new.travel_rms < old.travel_rms / 5
         assert new.travel_rms == pytest.approx(best_known.travel_rms, rel=0.15)
         assert new.nrmse_percent < best_known.nrmse_percent + 5.0
@@ -177,7 +181,7 @@ def test_reset_forgets_all() -> None:
 @pytest.mark.parametrize("rate", [300.0, 700.0, 4000.0])
 @pytest.mark.parametrize("memory", [0.05, 0.4])
 def test_it_fits_every_rate_and_memory(rate: float, memory: float) -> None:
-    plant, goal = Plant().delayed(1), design.Goal(2, memory)
+    plant, goal = Plant().delayed(1), inversion.Goal(2, memory)
     learner = Learner(Trace(), design_family(plant, rate, goal), plant, rate, goal)
     white = np.random.default_rng(1).standard_normal(round(2.5 * rate))
     give(learner, white, white, 0.1 * white, white)

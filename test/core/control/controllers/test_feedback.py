@@ -17,16 +17,17 @@ from hypothesis import strategies as st
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control.compensation import LARGEST_ACCELERATION
 from haptic_accel.core.control.controllers import CONTROLLERS, Loop
-from haptic_accel.core.control.controllers.feedback import (
+from haptic_accel.core.control.controllers.fixed import (
     FADING,
     FITTING,
     REGAINED,
     FeedbackController,
     FeedbackParameters,
+    InverseController,
+    InverseParameters,
 )
-from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.feedback_design import GripRange
-from haptic_accel.core.control.inversion.spectrum import TexturePrior
+from haptic_accel.core.control.inversion import TexturePrior
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import approximate_model
 from haptic_accel.core.model import FloatArray, HandleParameters

@@ -20,9 +20,13 @@ from haptic_accel.core.control.compensation import LARGEST_ACCELERATION
 from haptic_accel.core.control.controllers import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.filters import high_pass
-from haptic_accel.core.control.inversion.design import Goal, design_inverse
-from haptic_accel.core.control.inversion.prediction import predict
-from haptic_accel.core.control.inversion.spectrum import SENSOR_DENSITY, measured_spectrum
+from haptic_accel.core.control.inversion import (
+    SENSOR_DENSITY,
+    Goal,
+    design_inverse,
+    measured_spectrum,
+    predict,
+)
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.rig.master_rig import (

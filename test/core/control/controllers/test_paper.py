@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.control.channel import build_controller
 from haptic_accel.core.control.controllers import Loop
-from haptic_accel.core.control.controllers.paper import (
+from haptic_accel.core.control.controllers.fixed import (
     ConstantController,
     ConstantParameters,
     DynamicController,

@@ -1,7 +1,12 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Feedforward and feedback of the handle's acceleration: the complete Fig. 2 of the paper."""
+"""Controllers that do not adapt: the paper's, the inverse, and the inverse with feedback.
+
+The paper's conditions are no compensation, constant gain and approximate inverse. The inverse is
+that of the complete identified handle, including hold, delay, mount and sensor. With feedback of
+the handle's acceleration it is the complete Fig. 2 of the paper.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +14,143 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from haptic_accel.core.control import feedback_design
-from haptic_accel.core.control.controllers import paper
-from haptic_accel.core.control.controllers.interface import Controller, Loop
-from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
+from haptic_accel.core.control import feedback_design, inversion
+from haptic_accel.core.control.controllers.interface import Controller, Loop, NoParameters
 from haptic_accel.core.control.feedback_design import MARGIN, FeedbackDesign, GripRange, Response
 from haptic_accel.core.control.filters import inverse_of, section_response
 from haptic_accel.core.handle.response import approximate_model
-from haptic_accel.core.parameters import parameter
-from haptic_accel.core.tick.control import FeedbackForce, SampleConvolution, SampleFilter
+from haptic_accel.core.model import ApproximateModel
+from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.tick.control import (
+    ConstantForce,
+    ExcursionControl,
+    FeedbackForce,
+    FilterForce,
+    Force,
+    FrictionCompensation,
+    InverseForce,
+    SampleConvolution,
+    SampleFilter,
+)
+
+
+class NoController(Controller):
+    """Zero force: position coupling alone, the paper's first condition."""
+
+    needs_plant = False
+
+    force = Force.force
+
+    def __init__(self, parameters: NoParameters, loop: Loop) -> None: ...
+
+
+@dataclass(frozen=True)
+class ConstantParameters(Checked):
+    """Parameters of `ConstantController`."""
+
+    mass: float = parameter(
+        0.128, "gain of the controller: mass of handle and hand (m_h of Table I)", unit="kg", low=0
+    )
+
+
+class ConstantController(ConstantForce, Controller):
+    """f_a = m_h a_hdes: the handle is assumed to be a mass, the paper's second condition."""
+
+    Parameters = ConstantParameters
+    needs_plant = False
+
+    def __init__(self, parameters: ConstantParameters, loop: Loop) -> None:
+        super().__init__(parameters.mass)
+
+
+class DynamicController(FilterForce, Controller):
+    """Inverse of the approximate handle model, from a_hdes to f_a: the paper's third condition."""
+
+    Parameters = ApproximateModel
+
+    def __init__(self, parameters: ApproximateModel, loop: Loop) -> None:
+        super().__init__(inverse_of(parameters, loop.rate))
+
+
+@dataclass(frozen=True)
+class InverseParameters(Checked):
+    """Delay and texture for the design of the inverse."""
+
+    granted_time: float = parameter(
+        inversion.GRANTED_TIME,
+        "allowed delay of the handle behind the tool in addition to the latency, rounded to"
+        " samples, at least one (paper: one at 1 kHz)",
+        unit="s",
+        low=0.0,
+        high=inversion.LONGEST_GRANTED_TIME,
+    )
+    texture: inversion.TexturePrior = field(default_factory=inversion.TexturePrior)
+    memory: float = parameter(
+        inversion.CONVOLUTION_LENGTH, "length of the controller's impulse response", "s", 0.05, 0.4
+    )
+
+    def filter(self, loop: Loop) -> inversion.InverseFilter:
+        """Return the inverse without travel reduction for a loop; takes a fraction of a second.
+
+        Raises
+        ------
+        ParameterError
+            The rate is too low for the high-pass.
+        """
+        return inversion.design_inverse(loop.plant, loop.rate, self.goal(loop))
+
+    def granted_delay(self, rate: float) -> int:
+        """Return the granted delay at a rate in Hz, in samples."""
+        return inversion.granted_samples(self.granted_time, rate)
+
+    def goal(self, loop: Loop) -> inversion.Goal:
+        """Return the design goal of the inverse, or of a family of inverses."""
+        granted = loop.latency + self.granted_delay(loop.rate)
+        corner = loop.high_pass_frequency
+        return inversion.Goal(
+            granted, self.memory, spectrum=self.texture, high_pass_frequency=corner
+        )
+
+
+class InverseController(InverseForce, Controller):
+    """Causal inverse of eq. (3), hold, delay, mount and sensor, from a_hdes to f_a.
+
+    Attributes
+    ----------
+    response : callable
+        Force over desired acceleration, N per m/s^2, at frequencies in Hz.
+    """
+
+    Parameters = InverseParameters
+    reducible = True
+
+    def __init__(self, parameters: InverseParameters, loop: Loop) -> None:
+        goal = parameters.goal(loop)
+        bank = inversion.design_bank(loop.plant, loop.rate, goal)
+        self.response = inversion.InverseFilter(
+            bank.sections, bank.taps[0], loop.rate, goal
+        ).response
+        self._invert_by(bank, parameters, loop)
+
+    def _invert_by(
+        self, bank: inversion.InverseBank, parameters: InverseParameters, loop: Loop
+    ) -> None:
+        plant = loop.plant
+        self._bank = bank
+        limit = loop.travel_limit
+        excursion = ExcursionControl(bank.taps, bank.motion, plant.handle, limit, loop.rate)
+        # A force acts in the period before the sample that shows its effect.
+        lag = parameters.granted_delay(loop.rate) - 0.5 - plant.delay * loop.rate
+        friction = FrictionCompensation(plant.handle, plant.friction, loop.rate, lag)
+        InverseForce.__init__(self, bank.sections, excursion, friction)
+
+    def reset(self) -> None:
+        """Reset the filters."""
+        self.extension.reset()
+        self.excursion.restart(self._bank.taps)
+        self.friction.reset()
+        self.friction_force = 0.0
+
 
 FADING = 5e-3
 """Duration of fading the feedback out and in, s; users would feel a step of force."""
@@ -145,8 +278,8 @@ def _feedforward(parameters: FeedbackParameters, loop: Loop) -> tuple[Controller
     if parameters.feedforward == "dynamic":
         model = approximate_model(handle)
         sections = inverse_of(model, loop.rate)
-        dynamic = paper.DynamicController(model, loop)
+        dynamic = DynamicController(model, loop)
         return dynamic, lambda f: section_response(sections, f, loop.rate)
     mass = handle.m_h if parameters.feedforward == "constant" else 0.0
-    constant = paper.ConstantController(paper.ConstantParameters(mass), loop)
+    constant = ConstantController(ConstantParameters(mass), loop)
     return constant, lambda f: np.full(len(f), mass, np.complex128)

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_toeplitz
 
-from haptic_accel.core.control.inversion.toeplitz import improved
+from haptic_accel.core.control.inversion import improved
 from haptic_accel.core.model import FloatArray
 
 

@@ -18,9 +18,9 @@ from scipy import signal
 from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import Loop
-from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
+from haptic_accel.core.control.controllers.fixed import InverseController, InverseParameters
 from haptic_accel.core.control.filters import high_pass
-from haptic_accel.core.control.inversion.design import TRAVEL_CORNERS, InverseBank, design_bank
+from haptic_accel.core.control.inversion import TRAVEL_CORNERS, InverseBank, design_bank
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, Suspension
 from haptic_accel.core.parameters import Checked

@@ -1,26 +1,107 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Least-squares design of the inverse, and of its parts that are linear in the user's grip."""
+"""Exact inverse of an identified handle as one causal filter: tool spectrum, design, prediction.
+
+`design_inverse` designs the filter by least squares, from parts that are linear in the user's
+grip; a filter per grip is designed in the controller `adaptive`, by `improved`. `predict` returns
+error, force and travel. The smallest error of any causal filter is in `error_bound`.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core.control import filters
-from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
+from haptic_accel.core.control.filters import high_pass_response, section_response
 from haptic_accel.core.handle.plant import Dynamics, Plant
 from haptic_accel.core.handle.response import grid_for, inverse_terms, travel_response
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.sampling import HIGHEST_LATENCY
 
-# scipy.signal and scipy.linalg are slow to import: only the design of a filter needs them.
+# scipy.signal and scipy.linalg are slow to import: only the design of a filter and the measurement
+# of a spectrum need them.
+
+ToolSpectrum = Callable[[FloatArray], FloatArray]
+"""One-sided power spectral density of tool acceleration, (m/s^2)^2/Hz, at frequencies in Hz."""
+
+TEXTURE_DENSITY = 0.15
+"""Density in the middle of the texture, m/s^2/sqrt(Hz): 1.4 m/s^2 RMS in total, as for rough
+wood."""
+
+HAND_DENSITY = 0.02
+"""Density of slow motion of hand and arm below the texture, m/s^2/sqrt(Hz)."""
+
+SENSOR_DENSITY = 0.0025
+"""Noise density of the tool's accelerometer, m/s^2/sqrt(Hz) (ADXL320 data sheet: 250
+ug/sqrt(Hz))."""
+
+SEGMENT_SECONDS = 0.5
+"""Length of the segments of a measured spectrum, s: lines 2 Hz apart."""
+
+
+@dataclass(frozen=True)
+class TexturePrior(Checked):
+    """Spectrum of an unknown surface: broadband texture, slow motion and noise.
+
+    Its power rises with the fourth power of frequency and falls with the sixth. A narrower prior
+    gives smaller errors on textures within it, and larger errors elsewhere.
+    """
+
+    # Assumed, as the surface is not known.
+    rise: float = parameter(
+        20.0, "lower corner of the expected texture spectrum", "Hz", 1.0, 1000.0
+    )
+    # Waves shorter than 0.5 mm: 200 Hz at 0.1 m/s.
+    fall: float = parameter(
+        200.0, "upper corner of the expected texture spectrum", "Hz", 10.0, 10e3
+    )
+
+    def __call__(self, frequency: FloatArray) -> FloatArray:
+        """Return the one-sided density, (m/s^2)^2/Hz, at frequencies in Hz, shape (n,)."""
+        squared = (frequency / self.rise) ** 2
+        texture = TEXTURE_DENSITY**2 * (squared / (1.0 + squared)) ** 2
+        falling = (1.0 + (frequency / self.fall) ** 2) ** 3
+        return np.asarray((texture + HAND_DENSITY**2) / falling + SENSOR_DENSITY**2)
+
+
+PRIOR = TexturePrior()
+"""Spectrum of an unknown surface."""
+
+
+def measured_spectrum(acceleration: FloatArray, rate: float) -> ToolSpectrum:
+    """Return the spectrum of a recorded tool acceleration by Welch's method.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (n,)
+        Recorded tool acceleration, m/s^2; at least two samples.
+    rate : float
+        Samples per second.
+
+    Returns
+    -------
+    callable
+        Linear between the lines, and at least the noise of the tool's accelerometer.
+    """
+    from scipy import signal
+
+    segment = min(len(acceleration), round(SEGMENT_SECONDS * rate))
+    lines, power = signal.welch(acceleration, rate, nperseg=segment)
+    floor = SENSOR_DENSITY**2
+
+    def spectrum(frequency: FloatArray) -> FloatArray:
+        # The mean was removed, so the line at 0 Hz is meaningless.
+        return np.maximum(np.interp(frequency, lines[1:], power[1:]), floor)
+
+    return spectrum
+
 
 EXTENDED_CORNER = 1.0
 """Corner of the high-pass after the extension, Hz: below all perceptible vibration, above drift
@@ -457,3 +538,164 @@ class _Problem:
             column[0] *= 1.0 + RIDGE
             found.append(solve_toeplitz(column, sequences[:, 2].T).T)
         return np.ascontiguousarray(found, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Predicted error, force and travel of a filter, and its tracking by frequency.
+
+    Attributes
+    ----------
+    nrmse_percent : float
+        Error after the granted delay, as in `Evaluation`.
+    force_rms : float
+        Root mean square of the force, N.
+    travel_rms : float
+        Root mean square of the actuator's displacement from the handle, m.
+    landing_travel : float
+        Maximum displacement after a change of the tool's velocity by `LANDING_VELOCITY`, m.
+    frequency : ndarray, shape (n,)
+        Frequencies, Hz, evenly spaced, without 0.
+    tracking : ndarray, shape (n,)
+        Handle over desired acceleration after the granted delay, complex; 1 is ideal.
+    """
+
+    nrmse_percent: float
+    force_rms: float
+    travel_rms: float
+    landing_travel: float
+    frequency: FloatArray
+    tracking: ComplexArray
+
+    @property
+    def gain(self) -> FloatArray:
+        """Magnitude of `tracking`."""
+        return np.abs(self.tracking)
+
+    @property
+    def phase(self) -> FloatArray:
+        """Angle of `tracking`, rad; positive if the handle leads."""
+        return np.angle(self.tracking)
+
+
+def predict(
+    inverse: InverseFilter, plant: Dynamics, spectrum: ToolSpectrum = PRIOR, *, noise: float = 0.0
+) -> Prediction:
+    """Predict error, force and travel of a filter for a plant without limits and friction.
+
+    Parameters
+    ----------
+    inverse : InverseFilter
+    plant : Plant or IdentifiedPlant
+        True plant, which may differ from the design plant.
+    spectrum : callable
+        Spectrum of the measured tool acceleration.
+    noise : float
+        Standard deviation of a sample of the handle's accelerometer, m/s^2; all of it counts as
+        error.
+    """
+    rate = inverse.rate
+    grid = grid_for(rate, len(inverse.taps))
+    frequency = grid.frequency
+    passed = high_pass_response(inverse.goal.high_pass_frequency, frequency, rate)
+    extended = section_response(inverse.sections, frequency, rate) * grid.spectrum(inverse.taps)
+    force = passed * extended
+    tracking = plant.response(frequency, rate) * extended / grid.delay(inverse.goal.granted_delay)
+    power = spectrum(frequency)
+    desired = power * np.abs(passed) ** 2
+    noise_density = 2.0 * noise**2 / rate
+    error = desired * np.abs(tracking - 1.0) ** 2 + noise_density
+    density = error / (float(np.sum(desired)) * grid.spacing)
+    travel = travel_response(plant.handle, frequency)
+    landing = np.abs(grid.sequence(force * travel)).max() * LANDING_VELOCITY * rate
+    return Prediction(
+        nrmse_percent=100.0 * _rms(density, grid.spacing),
+        force_rms=_rms(power * np.abs(force) ** 2, grid.spacing),
+        travel_rms=_rms(power * np.abs(force * travel) ** 2, grid.spacing),
+        landing_travel=float(landing),
+        frequency=frequency,
+        tracking=tracking,
+    )
+
+
+def _rms(density: FloatArray, step: float) -> float:
+    return float(np.sqrt(np.sum(density) * step))
+
+
+def improved(
+    columns: FloatArray, right: FloatArray, starts: FloatArray
+) -> Iterator[FloatArray | None]:
+    """Yield improving solutions of symmetric positive definite Toeplitz equations.
+
+    Method: conjugate gradients with products by fast Fourier transforms, and T. Chan's circulant
+    as preconditioner (R. Chan and Ng, Conjugate gradient methods for Toeplitz systems, SIAM Review
+    38, 1996). Each step reduces the quadratic form itself, the error of the filter; Levinson's
+    recursion has no intermediate results. All matrices take a step together, as a call costs more
+    than the transform of a short sequence.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (k, n)
+        First column of each matrix.
+    right : ndarray, shape (k, n) or (n,)
+        Right sides, or one for all.
+    starts : ndarray, shape (k, n)
+        Initial solutions.
+
+    Yields
+    ------
+    ndarray, shape (k, n), or None
+        Solutions after another step; None between its parts, of one transform each. Ends when a
+        step improves no solution.
+
+    Examples
+    --------
+    >>> columns, right = np.array([[2.0, 1.0, 0.0]]), np.array([4.0, 8.0, 8.0])
+    >>> *_, last = filter(lambda each: each is not None, improved(columns, right, 0.0 * columns))
+    >>> np.round(last, 6).tolist()
+    [[1.0, 2.0, 3.0]]
+    """
+    count, length = columns.shape
+    size = 2 * length
+    mirrored = np.concatenate([np.zeros((count, 1)), columns[:, :0:-1]], axis=1)
+    matrices = np.fft.rfft(np.concatenate([columns, mirrored], axis=1)).real
+    yield None
+    index = np.arange(length)
+    circulants = np.fft.rfft(((length - index) * columns + index * mirrored) / length).real
+    yield None
+    spectra = matrices * np.fft.rfft(starts, size)
+    yield None
+    residuals = right - np.fft.irfft(spectra, size)[:, :length]
+    yield None
+    spectra = np.fft.rfft(right) / circulants
+    expected = np.fft.irfft(spectra, length)
+    least = np.finfo(float).eps ** 2 * _products(expected, np.broadcast_to(right, columns.shape))
+    yield None
+    solutions, directions = starts, np.zeros_like(starts)
+    before = np.full(count, np.inf)
+    while True:
+        spectra = np.fft.rfft(residuals) / circulants
+        yield None
+        corrected = np.fft.irfft(spectra, length)
+        remaining = _products(residuals, corrected)
+        # Solutions without improvement remain unchanged.
+        going_on = remaining > least
+        if not going_on.any():
+            return
+        directions = corrected + (remaining / before)[:, np.newaxis] * directions
+        before = np.where(going_on, remaining, np.inf)
+        yield None
+        spectra = matrices * np.fft.rfft(directions, size)
+        yield None
+        moved = np.fft.irfft(spectra, size)[:, :length]
+        yield None
+        energy = np.where(going_on, _products(directions, moved), np.inf)
+        steps = (remaining / energy)[:, np.newaxis]
+        solutions = solutions + steps * directions
+        residuals = residuals - steps * moved
+        yield solutions
+
+
+def _products(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the scalar products of corresponding rows."""
+    return np.asarray((one[:, np.newaxis] @ other[:, :, np.newaxis])[:, 0, 0])

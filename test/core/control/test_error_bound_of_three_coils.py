@@ -14,8 +14,8 @@ from scipy import signal
 from scipy.spatial.transform import Rotation
 
 from haptic_accel.core.actuator import ActuatorParameters
+from haptic_accel.core.control.error_bound import Bounds, bounds
 from haptic_accel.core.control.filters import high_passed
-from haptic_accel.core.control.inversion.bound import Bounds, bounds
 from haptic_accel.core.handle.plant import MatrixPlant, Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, MountParameters
 

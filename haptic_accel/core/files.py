@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Readers of untrusted files, with bounded time and memory.
+"""Files: bounded readers of untrusted ones, and writers that leave only complete ones on disk.
 
 All readers of user files start here. A file that is irregular or too large raises an `OSError`
 with the reason in ``strerror``. It is thus rejected like a missing file.
@@ -19,6 +19,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from haptic_accel.core.parameters import ParameterError, shown
@@ -215,3 +216,58 @@ class _Elements(ElementTree.TreeBuilder):
 def _check_size(size: int, largest: int) -> None:
     if size > largest:
         raise OSError(errno.EFBIG, f"has {size} bytes or more; at most {largest} are allowed")
+
+
+def sync_folder(path: Path) -> None:
+    """Flush a folder's directory entries to disk (fsync)."""
+    number = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)
+
+
+def replace_file(path: Path, content: bytes) -> None:
+    """Write a new file to disk, then replace the present file by it.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written; an earlier file remains.
+    """
+    new = path.with_name(path.name + ".tmp")
+    with new.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    new.replace(path)
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Yield a temporary folder, which is renamed to `path` once all its content is on disk.
+
+    After an error or an interruption nothing remains; a killed process leaves a hidden folder next
+    to `path`.
+
+    Parameters
+    ----------
+    path : Path
+        New folder.
+
+    Raises
+    ------
+    OSError
+        The folder exists already, or cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as temporary:
+        folder = Path(temporary, path.name)
+        folder.mkdir()
+        yield folder
+        for file in (each for each in folder.rglob("*") if each.is_file()):
+            with file.open("rb") as written:
+                os.fsync(written.fileno())
+        path.mkdir()  # fails if the folder was created meanwhile
+        folder.rename(path)
+        sync_folder(path.parent)

@@ -18,8 +18,15 @@ import numpy as np
 
 from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
-from haptic_accel.core.control.inversion import spectrum as spectra
-from haptic_accel.core.control.inversion.design import Goal, nearest
+from haptic_accel.core.control.inversion import (
+    PRIOR,
+    SEGMENT_SECONDS,
+    SENSOR_DENSITY,
+    Goal,
+    ToolSpectrum,
+    measured_spectrum,
+    nearest,
+)
 from haptic_accel.core.handle.plant import Dynamics, MatrixPlant
 from haptic_accel.core.handle.response import Grid, grid_for, travel_response
 from haptic_accel.core.model import ComplexArray, FloatArray
@@ -52,7 +59,7 @@ MOST_ITERATIONS = 40
 def causal_bound(
     plant: Dynamics,
     rate: float,
-    spectrum: spectra.ToolSpectrum = spectra.PRIOR,
+    spectrum: ToolSpectrum = PRIOR,
     *,
     granted_delay: int = 1,
     noise: float = 0.0,
@@ -133,7 +140,7 @@ def bounds(
     only briefly. Friction, heat and the travel due to gravity are neglected.
 
     With three coils these are the errors of a vector: the square root of the error's power over
-    the power of the desired vector. The filters know the components' spectra and cross-spectra.
+    the power of the desired vector. The filters know the components' spectra and cross-
     The costs are equal for all coils, and just high enough for each coil to stay within its
     limits.
 
@@ -305,15 +312,15 @@ def _tool_factor(acceleration: FloatArray, rate: float) -> tuple[Grid, ComplexAr
 
     grid = grid_for(rate, step=STEP)
     if acceleration.ndim == 1:
-        power = spectra.measured_spectrum(acceleration, rate)(grid.frequency)
+        power = measured_spectrum(acceleration, rate)(grid.frequency)
         return grid, minimum_phase(grid, np.sqrt(power))[np.newaxis, np.newaxis]
-    segment = min(len(acceleration), round(spectra.SEGMENT_SECONDS * grid.rate))
+    segment = min(len(acceleration), round(SEGMENT_SECONDS * grid.rate))
     x, y = acceleration.T[:, np.newaxis], acceleration.T[np.newaxis, :]
     lines, cross = signal.csd(y, x, grid.rate, nperseg=segment)
     # The power is at least the noise of the tool's accelerometer. There is no line at 0 Hz, as the
     # mean was removed.
     powers, vectors = np.linalg.eigh(np.moveaxis(cross[..., 1:], -1, 0))
-    powers = np.maximum(powers, spectra.SENSOR_DENSITY**2)
+    powers = np.maximum(powers, SENSOR_DENSITY**2)
     cross = np.moveaxis((vectors * powers[:, np.newaxis]) @ vectors.conj().swapaxes(1, 2), 0, -1)
     spectrum: ComplexArray = np.array(
         [[np.interp(grid.frequency, lines[1:], each) for each in row] for row in cross]
