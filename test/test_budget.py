@@ -21,7 +21,7 @@ BUDGETS = {
     ROOTS: 89,
     "core": 14_562,
     "analysis": 4_033,
-    "nodes": 3_915,
+    "nodes": 3_914,
     "kits/study": 3_863,
     "devices": 4_058,
     "cli": 2_991,

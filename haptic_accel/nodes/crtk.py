@@ -26,15 +26,7 @@ from std_msgs.msg import Bool
 
 from haptic_accel.core import crtk
 from haptic_accel.core.actuator import ArmLimits
-from haptic_accel.core.crtk import (
-    DISABLED,
-    ENABLED,
-    FAULT,
-    MESSAGES,
-    PAUSED,
-    PositionServo,
-    PositionServoParameters,
-)
+from haptic_accel.core.crtk import PositionServo, PositionServoParameters
 from haptic_accel.core.model import Sample, Vector
 from haptic_accel.core.parameters import shown
 from haptic_accel.core.sampling import NANOSECONDS
@@ -145,7 +137,7 @@ INVALID = 0
 """Stamp of data that are not valid now (CRTK, "Data validity")."""
 
 _JOINTS, _EMPTY = "sensor_msgs/msg/JointState", "std_msgs/msg/Empty"
-_STATE, _TEXT = f"{MESSAGES}/msg/OperatingState", f"{MESSAGES}/msg/StringStamped"
+_STATE, _TEXT = f"{crtk.MESSAGES}/msg/OperatingState", f"{crtk.MESSAGES}/msg/StringStamped"
 
 STATE_COMMAND_AGE = 1.0
 """Age above which a state command is outdated, s; a person sends it, not a control loop."""
@@ -331,23 +323,23 @@ class OperatingState:
         states = topic("is_homed"), topic("is_busy")
         self._homed, self._busy = (node.publisher(each).publish for each in states)
         self._state = None
-        if find_spec(MESSAGES):
+        if find_spec(crtk.MESSAGES):
             self._state = node.publisher(topic("operating_state", _STATE))
             commands = arm.topic("state_command", _TEXT)
             node.create_subscription(message_type(commands), commands.name, self._receive, 10)
         else:
-            node.get_logger().debug(f"no {MESSAGES}: no operating_state, no state_command")
+            node.get_logger().debug(f"no {crtk.MESSAGES}: no operating_state, no state_command")
 
     @property
     def state(self) -> str:
         """CRTK state name."""
         if self._fault() not in ("", self._known_fault):
-            return FAULT
+            return crtk.FAULT
         if self._node.state == ACTIVE:
             if self._safety.stopped or self._safety.disarmed:
-                return PAUSED
-            return ENABLED if self._safety.active else DISABLED
-        return PAUSED if self._pausing and self._node.state == INACTIVE else DISABLED
+                return crtk.PAUSED
+            return crtk.ENABLED if self._safety.active else crtk.DISABLED
+        return crtk.PAUSED if self._pausing and self._node.state == INACTIVE else crtk.DISABLED
 
     def report(self, *, busy: bool = False, again: bool = False) -> None:
         """Publish the state if it changed; with `again`, publish it in any case."""
@@ -395,6 +387,6 @@ class OperatingState:
             self._known_fault = self._fault()
         elif command in (crtk.ENABLE, crtk.RESUME):
             self._known_fault = ""
-            if self.state in (FAULT, PAUSED):
+            if self.state in (crtk.FAULT, crtk.PAUSED):
                 return self._rearm()
         return ""
