@@ -57,7 +57,7 @@ from haptic_accel.commands import (
 )
 from haptic_accel.controllers import CONTROLLERS
 from haptic_accel.core import build_loop, vector
-from haptic_accel.core.rig.interface import Rig
+from haptic_accel.core.rig import Rig
 from haptic_accel.core.rig.master_rig import simulated_master
 from haptic_accel.core.rig.slave_rig import SlaveRig
 from haptic_accel.core.sampling import crossfaded

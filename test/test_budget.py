@@ -19,11 +19,11 @@ ROOTS = "roots"
 
 BUDGETS = {
     ROOTS: 89,
-    "core": 14_562,
+    "core": 14_555,
     "analysis": 4_033,
     "nodes": 3_914,
     "kits/study": 3_863,
-    "devices": 4_058,
+    "devices": 4_057,
     "cli": 2_991,
     "bags": 2_731,
     "scope": 1_358,

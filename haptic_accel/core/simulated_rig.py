@@ -17,8 +17,8 @@ from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
 from haptic_accel.core.coupling.passive import CouplingParameters, PassivePair, PassiveParameters
+from haptic_accel.core.handle.mechanics import sampled_response
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.model import ComplexArray, HandleParameters, ModeParameters
 from haptic_accel.core.parameters import Checked, like
 from haptic_accel.core.rig.master_rig import DriveParameters, MasterRigParameters, axes_of

@@ -13,7 +13,7 @@ from haptic_accel.core import sampling
 from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.interface import Rig
+from haptic_accel.core.rig import Rig
 from haptic_accel.core.tick.rigs import ReplayArm
 
 SHORTEST = 0.2

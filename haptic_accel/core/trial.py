@@ -25,8 +25,7 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.network.playout import Played
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate, warn_once
-from haptic_accel.core.rig import master_rig
-from haptic_accel.core.rig.interface import Rig
+from haptic_accel.core.rig import Rig, master_rig
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, Vibrating
 from haptic_accel.core.sampling import DEFAULT_RATE, LATENCY, NANOSECONDS, check_latency
 from haptic_accel.core.simulated_rig import RigParameters, build_loop, build_parts, rig_side

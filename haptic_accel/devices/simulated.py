@@ -12,8 +12,7 @@ from haptic_accel.core.axes import ALL_AXES, Axes
 from haptic_accel.core.bounded_work import without_bounded_work
 from haptic_accel.core.model import FloatArray, GripParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema, shown
-from haptic_accel.core.rig import master_rig, slave_rig
-from haptic_accel.core.rig.interface import Rig
+from haptic_accel.core.rig import Rig, master_rig, slave_rig
 from haptic_accel.core.sampling import crossfaded
 from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters

@@ -10,8 +10,7 @@ from dataclasses import replace
 import pytest
 
 from haptic_accel.core.model import AccelerometerParameters
-from haptic_accel.core.rig import master_rig
-from haptic_accel.core.rig.interface import ArmParameters
+from haptic_accel.core.rig import ArmParameters, master_rig
 from haptic_accel.core.rig.slave_rig import SlaveRigParameters
 from haptic_accel.core.simulated_rig import RigParameters
 

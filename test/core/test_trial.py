@@ -25,7 +25,7 @@ from haptic_accel.core.evaluation.metrics import TABLE_II, evaluate
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR, FloatArray, MountParameters
 from haptic_accel.core.parameters import Checked, ParameterError
-from haptic_accel.core.rig.interface import ArmParameters
+from haptic_accel.core.rig import ArmParameters
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig
 from haptic_accel.core.simulated_rig import RigParameters

@@ -13,7 +13,7 @@ import pytest
 
 from haptic_accel.core.actuator import MasterSafetyParameters
 from haptic_accel.core.axes import along_actuator
-from haptic_accel.core.handle.response import sampled_response
+from haptic_accel.core.handle.mechanics import sampled_response
 from haptic_accel.core.model import ZERO, AccelerometerParameters, Vector
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.devices.interface import DeviceError, Reading

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_accel.core.model import FloatArray, Sample, Vector
-from haptic_accel.core.rig.interface import Rig
+from haptic_accel.core.rig import Rig
 from haptic_accel.core.rig.master_rig import simulated_master
 from haptic_accel.core.rig.slave_rig import SlaveRig
 from haptic_accel.core.simulated_rig import build_loop, build_parts

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from haptic_accel.core.control.response_estimation import latest
+from haptic_accel.core.control.estimation import latest
 from haptic_accel.core.tick import DESIRED, MEASURED, ForceFraction, SampleFilter, Trace
 
 BLOCK = 0.016

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_accel.core.control.feedback_design import GripRange
+from haptic_accel.core.handle.mechanics import inverse_terms
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.handle.response import inverse_terms
 from haptic_accel.core.model import ComplexArray, FloatArray, MountParameters, handle_model
 
 LOWEST, HIGHEST = 20.0, 450.0

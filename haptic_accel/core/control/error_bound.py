@@ -27,8 +27,8 @@ from haptic_accel.core.control.inversion import (
     measured_spectrum,
     nearest,
 )
+from haptic_accel.core.handle.mechanics import Grid, grid_for, travel_response
 from haptic_accel.core.handle.plant import Dynamics, MatrixPlant
-from haptic_accel.core.handle.response import Grid, grid_for, travel_response
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.tick import CUSHION_END
 

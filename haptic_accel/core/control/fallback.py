@@ -13,7 +13,7 @@ from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.controllers.fixed import DynamicController
 from haptic_accel.core.control.controllers.interface import Loop
-from haptic_accel.core.control.response_estimation import ResponseEstimator, latest
+from haptic_accel.core.control.estimation import ResponseEstimator, latest
 from haptic_accel.core.control.supervision import HIGHEST_SHARE, ResponseSupervisor
 from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray
 from haptic_accel.core.tick import DESIRED, DRIVE, DYNAMIC, MEASURED, Substitution, Trace

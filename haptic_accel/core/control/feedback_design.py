@@ -31,8 +31,8 @@ import numpy as np
 
 from haptic_accel.core.control import inversion
 from haptic_accel.core.control.filters import high_pass, high_pass_response, section_response
+from haptic_accel.core.handle.mechanics import grid_for
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.handle.response import grid_for
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 

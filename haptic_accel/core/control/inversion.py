@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from haptic_accel.core.control import filters
 from haptic_accel.core.control.filters import high_pass_response, section_response
+from haptic_accel.core.handle.mechanics import grid_for, inverse_terms, travel_response
 from haptic_accel.core.handle.plant import Dynamics, Plant
-from haptic_accel.core.handle.response import grid_for, inverse_terms, travel_response
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.sampling import HIGHEST_LATENCY

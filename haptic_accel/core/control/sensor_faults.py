@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from haptic_accel.core.control.response_estimation import latest
+from haptic_accel.core.control.estimation import latest
 from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.outliers import LARGEST_SHARE, outliers

@@ -9,11 +9,11 @@ import math
 
 import numpy as np
 
-from haptic_accel.core.control import response_estimation
+from haptic_accel.core.control import estimation
 from haptic_accel.core.control.diagnosis import FITTING, LEAST_COHERENCE, ORDINARY, Diagnosis
 from haptic_accel.core.control.feedback_design import MODEL_MEMORY
+from haptic_accel.core.handle.mechanics import grid_for
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.handle.response import grid_for
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 from haptic_accel.core.sampling import BoolArray
 from haptic_accel.core.tick import FORCE, MEASURED, Trace
@@ -85,11 +85,11 @@ class ResponseSupervisor:
         grid = grid_for(rate, length)
         self.taps = grid.sequence(plant.response(grid.frequency, rate))[:length]
         self.trace = trace
-        self._estimator = response_estimation.ResponseEstimator(trace, rate, COMPARISON_MEMORY)
+        self._estimator = estimation.ResponseEstimator(trace, rate, COMPARISON_MEMORY)
         self._estimator.read = self._pairs
         self._expected = np.zeros(2 * len(self._estimator.frequency) - 2)  # in the last window
         self._expected_until: int = 0  # count of the trace
-        self._holding = round(response_estimation.EVALUATION_WINDOW * rate)
+        self._holding = round(estimation.EVALUATION_WINDOW * rate)
         trace.kept = max(trace.kept, 2 * self._holding + length)
         self._edges = _edges(rate)
         lines = self._estimator.frequency
@@ -144,7 +144,7 @@ class ResponseSupervisor:
 
         The force is a signal of the trace, zero before `start`, and acts from the next sample on.
         """
-        past = response_estimation.latest(self.trace, force, length + len(self.taps) - 1, 1, start)
+        past = estimation.latest(self.trace, force, length + len(self.taps) - 1, 1, start)
         return np.convolve(past, self.taps, "valid") if past.any() else np.zeros(length)
 
     def _pairs(self, length: int) -> tuple[FloatArray, FloatArray]:
@@ -153,7 +153,7 @@ class ResponseSupervisor:
         new = min(length, self.trace.count - self._expected_until)
         self._expected_until = self.trace.count
         self._expected = np.concatenate([self._expected[new:], self.expected(new)])
-        return self._expected.copy(), response_estimation.latest(self.trace, MEASURED, length)
+        return self._expected.copy(), estimation.latest(self.trace, MEASURED, length)
 
     def update(self) -> bool:
         """Execute a part of pending computations; return True after a new result."""
@@ -209,7 +209,7 @@ class ResponseSupervisor:
     def _deviations(self) -> tuple[BoolArray, FloatArray, FloatArray]:
         """Return the evaluated bands, their deviations, and the tolerances."""
         estimator = self._estimator
-        tiny = response_estimation.TINY
+        tiny = estimation.TINY
         expected, cross = estimator.excitation, estimator.cross
         power = np.maximum(self._bands @ expected, tiny)
         off = np.abs(cross - expected) ** 2 / np.maximum(expected, tiny)

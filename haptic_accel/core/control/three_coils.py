@@ -21,12 +21,12 @@ import numpy as np
 from haptic_accel.core.axes import NAMES, along_actuator
 from haptic_accel.core.control.channel import FADING, LISTENING, RESTING
 from haptic_accel.core.control.diagnosis import FITTING, RAISING
+from haptic_accel.core.control.estimation import latest
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
 from haptic_accel.core.control.inversion import PRIOR, ToolSpectrum
-from haptic_accel.core.control.response_estimation import latest
 from haptic_accel.core.control.supervision import ResponseSupervisor
+from haptic_accel.core.handle.mechanics import grid_for
 from haptic_accel.core.handle.plant import MatrixPlant
-from haptic_accel.core.handle.response import grid_for
 from haptic_accel.core.model import ZERO, FloatArray, Vector
 from haptic_accel.core.reduction import NO_REDUCTION, live_reduction
 from haptic_accel.core.tick import LARGEST_ACCELERATION, MEASURED, InputReduction

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from haptic_accel.core import parameters
 from haptic_accel.core.axes import HIGHEST_CONDITION, NAMES
 from haptic_accel.core.document import Document, read_json_document
-from haptic_accel.core.handle.response import sampled_response
+from haptic_accel.core.handle.mechanics import sampled_response
 from haptic_accel.core.model import (
     AccelerometerParameters,
     ComplexArray,

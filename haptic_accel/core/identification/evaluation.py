@@ -13,8 +13,8 @@ from statistics import fmean
 
 import numpy as np
 
+from haptic_accel.core.handle.mechanics import approximate_model
 from haptic_accel.core.handle.plant import DiscreteModel
-from haptic_accel.core.handle.response import approximate_model
 from haptic_accel.core.identification import estimate
 from haptic_accel.core.identification import fit as fitting
 from haptic_accel.core.identification import sweep as sweeps

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.handle.response import ACCELEROMETER_CORNER, RIGID, sampled_response
+from haptic_accel.core.handle.mechanics import ACCELEROMETER_CORNER, RIGID, sampled_response
 from haptic_accel.core.identification.estimate import Band, FrequencyResponse
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError

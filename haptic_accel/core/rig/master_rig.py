@@ -18,11 +18,11 @@ from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
 from haptic_accel.core.handle import mechanics as one
 from haptic_accel.core.handle import three_axis as three
-from haptic_accel.core.handle.response import held_response
+from haptic_accel.core.handle.mechanics import held_response
 from haptic_accel.core.handle.three_axis import BodyParameters, CoilMounting, SensorMounts
 from haptic_accel.core.model import ZERO, AccelerometerParameters, ComplexArray, FloatArray, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
-from haptic_accel.core.rig.interface import ArmParameters, Rig, accelerometers
+from haptic_accel.core.rig import ArmParameters, Rig, accelerometers
 from haptic_accel.core.tick import rigs as simulated
 
 NOISE_STREAM = 1

@@ -14,7 +14,7 @@ import numpy as np
 from haptic_accel.core.axes import Axes, along_actuator
 from haptic_accel.core.model import AccelerometerParameters, FloatArray
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
-from haptic_accel.core.rig.interface import ArmParameters, Rig, accelerometers
+from haptic_accel.core.rig import ArmParameters, Rig, accelerometers
 from haptic_accel.core.tick.rigs import Tip
 
 PHYSICS_STEP = 100e-6

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes, along_actuator
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.interface import ArmParameters, Rig
+from haptic_accel.core.rig import ArmParameters, Rig
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.scene import Material, Scene
 from haptic_accel.core.surfaces.taps import Tap

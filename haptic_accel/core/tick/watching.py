@@ -21,7 +21,7 @@ NEVER_LIMITED: int = -1 << 40
 class Trace:
     """Latest samples of one coil or controller, for computations that do not run in every sample.
 
-    These computations read blocks at intervals, see `core.control.response_estimation`.
+    These computations read blocks at intervals, see `core.control.estimation`.
 
     Attributes
     ----------

@@ -23,8 +23,8 @@ from haptic_accel.core.axes import NAMES as AXES
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.filters import high_passed, without_hand_motion
+from haptic_accel.core.handle.mechanics import grid_for
 from haptic_accel.core.handle.plant import MatrixPlant, Plant
-from haptic_accel.core.handle.response import grid_for
 from haptic_accel.core.model import (
     ZERO,
     FloatArray,

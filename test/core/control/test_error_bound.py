@@ -12,8 +12,8 @@ from scipy import signal
 from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.error_bound import bounds, causal_bound
 from haptic_accel.core.control.inversion import measured_spectrum
+from haptic_accel.core.handle.mechanics import travel_response
 from haptic_accel.core.handle.plant import DiscreteModel, IdentifiedPlant, Plant
-from haptic_accel.core.handle.response import travel_response
 from haptic_accel.core.model import FloatArray, MountParameters, handle_model
 from haptic_accel.core.tick import CUSHION_END
 from nightly import rest_slow

@@ -18,8 +18,8 @@ from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.controllers.fixed import ConstantParameters
 from haptic_accel.core.control.fallback import FADING, PAUSE, TRIAL
+from haptic_accel.core.handle.mechanics import grid_for
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.handle.response import grid_for
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked
 from one_coil import OneCoil

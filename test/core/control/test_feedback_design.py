@@ -21,8 +21,8 @@ from haptic_accel.core.control.feedback_design import (
     loop_margins,
 )
 from haptic_accel.core.control.inversion import Goal, TexturePrior, design_inverse
+from haptic_accel.core.handle.mechanics import Grid
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.handle.response import Grid
 from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 

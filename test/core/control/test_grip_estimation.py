@@ -14,7 +14,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
-from haptic_accel.core.control.grip_estimation import (
+from haptic_accel.core.control.estimation import (
     LARGEST_FACTORS,
     SMALLEST,
     AdaptationParameters,

@@ -30,8 +30,8 @@ from haptic_accel.core.control.inversion import (
     measured_spectrum,
     predict,
 )
+from haptic_accel.core.handle.mechanics import Grid
 from haptic_accel.core.handle.plant import DiscreteModel, IdentifiedPlant, Plant
-from haptic_accel.core.handle.response import Grid
 from haptic_accel.core.model import FloatArray, HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tick.control import SampleConvolution, SampleWindow

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from haptic_accel.core.control.response_estimation import (
+from haptic_accel.core.control.estimation import (
     AutocorrelationEstimator,
     ChangeEstimator,
     Evaluation,

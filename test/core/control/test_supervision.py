@@ -14,8 +14,8 @@ from scipy import signal
 
 from haptic_accel.core.control.diagnosis import FITTING, ORDINARY
 from haptic_accel.core.control.supervision import ResponseSupervisor
+from haptic_accel.core.handle.mechanics import grid_for
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.handle.response import grid_for
 from haptic_accel.core.model import FloatArray, MountParameters
 from haptic_accel.core.tick import Trace
 

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
+from haptic_accel.core.handle.mechanics import sampled_response
 from haptic_accel.core.handle.plant import DiscreteModel
-from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.identification.estimate import RecordingError, identify_discrete
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import FloatArray, HandleParameters

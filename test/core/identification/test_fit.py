@@ -10,7 +10,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from haptic_accel.core.handle.response import sampled_response
+from haptic_accel.core.handle.mechanics import sampled_response
 from haptic_accel.core.identification.estimate import FrequencyResponse, dft_ratio
 from haptic_accel.core.identification.fit import DEFAULT_FREE, MOUNT, HandleFit, fit_handle
 from haptic_accel.core.identification.sweep import SweepParameters, kept_repeats, sweep

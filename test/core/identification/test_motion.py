@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.handle.response import RIGID, sampled_response
+from haptic_accel.core.handle.mechanics import RIGID, sampled_response
 from haptic_accel.core.identification.evaluation import identify_handle
 from haptic_accel.core.identification.fit import Friction, HandleFit, Point
 from haptic_accel.core.identification.motion import simulated

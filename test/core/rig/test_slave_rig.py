@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import AccelerometerParameters, FloatArray, Vector
 from haptic_accel.core.parameters import ParameterError, schema
-from haptic_accel.core.rig.interface import ArmParameters, Sample
+from haptic_accel.core.rig import ArmParameters, Sample
 from haptic_accel.core.rig.slave_rig import (
     SlaveRig,
     SlaveRigParameters,

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from haptic_accel.core.control import inversion, response_estimation
+from haptic_accel.core.control import estimation, inversion
 from haptic_accel.core.control.authority import REDUCED
 from haptic_accel.core.control.controllers.fixed import InverseController, InverseParameters
 from haptic_accel.core.control.controllers.interface import Loop
-from haptic_accel.core.control.grip_estimation import GRIP, AdaptationParameters, GripEstimator
+from haptic_accel.core.control.estimation import GRIP, AdaptationParameters, GripEstimator
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, grip_denominator, handle_model
 from haptic_accel.core.parameters import parameter
@@ -56,7 +56,7 @@ class AdaptiveController(AdaptiveForce, InverseController):
     def adapt(self) -> int:
         """Execute a part of the estimation; after its last part start to change the filter."""
         if self.frozen:
-            return response_estimation.NEVER
+            return estimation.NEVER
         estimator, learner = self._estimator, self._learner
         estimated = estimator.update()
         if estimated and learner.deviation < UNDESCRIBED:
@@ -219,11 +219,9 @@ class Learner:
         self.trace, self._family = trace, family
         self._handle = plant.handle
         window = max(SHORTEST_WINDOW, WINDOW_PER_MEMORY * goal.memory)
-        self._ratio = response_estimation.ChangeEstimator(
-            trace, rate, FORGETTING_TIME, window, LEAST_FORCE
-        )
+        self._ratio = estimation.ChangeEstimator(trace, rate, FORGETTING_TIME, window, LEAST_FORCE)
         interval, longest = self._ratio.interval, LAGS_PER_WINDOW * window
-        self._tool = response_estimation.AutocorrelationEstimator(
+        self._tool = estimation.AutocorrelationEstimator(
             trace, rate, FORGETTING_TIME, interval, longest, LEAST_ACCELERATION
         )
         lags = len(self._tool.sequence)
@@ -298,7 +296,7 @@ class Learner:
         """
         ratio = self._ratio
         unchanged = 0.0
-        if ratio.weight > response_estimation.FEW:
+        if ratio.weight > estimation.FEW:
             unchanged = min(1.0, (EXPECTED_SURPRISE / ratio.surprise) ** 3)
             if 0.0 < fraction < self._fraction:
                 ratio.fade((fraction / self._fraction) ** (2.0 * (1.0 - unchanged)))
@@ -316,7 +314,7 @@ class Learner:
     def explained(self) -> float:
         """Fraction of the handle's power that the force explains."""
         ratio = self._ratio
-        total = max(float(ratio.output.sum()), response_estimation.TINY)
+        total = max(float(ratio.output.sum()), estimation.TINY)
         return float(ratio.coherence @ ratio.output / total)
 
     def _redesign(self, grip: FloatArray) -> Iterator[bool]:
@@ -370,12 +368,12 @@ class Learner:
     def _certain_ratio(self) -> ComplexArray:
         """Return the ratio of plant to model on the lines, weighted by its certainty."""
         response, coherence = self._ratio.response[1:], self._ratio.coherence[1:]
-        independent = max(1.0, response_estimation.INDEPENDENCE * self._ratio.weight)
+        independent = max(1.0, estimation.INDEPENDENCE * self._ratio.weight)
         unexplained = (1.0 - coherence + UNRESOLVED / independent) / independent
         variance = np.abs(response) ** 2 * unexplained / np.maximum(coherence, 1e-6)
         squared = np.abs(response - 1.0) ** 2
         uncertainty = CAUTION * variance + NEGLIGIBLE**2
-        excitation = np.maximum(self._ratio.excitation[1:], response_estimation.TINY)
+        excitation = np.maximum(self._ratio.excitation[1:], estimation.TINY)
         moved = MOTION / excitation / independent
         shown = np.maximum(0.0, 1.0 - CAUTION * moved / np.maximum(squared, NEGLIGIBLE**2))
         accepted = self._above[self._every] * shown * squared / (squared + uncertainty)

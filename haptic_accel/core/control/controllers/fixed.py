@@ -18,7 +18,7 @@ from haptic_accel.core.control import feedback_design, inversion
 from haptic_accel.core.control.controllers.interface import Controller, Loop, NoParameters
 from haptic_accel.core.control.feedback_design import MARGIN, FeedbackDesign, GripRange, Response
 from haptic_accel.core.control.filters import inverse_of, section_response
-from haptic_accel.core.handle.response import approximate_model
+from haptic_accel.core.handle.mechanics import approximate_model
 from haptic_accel.core.model import ApproximateModel
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.tick.control import (

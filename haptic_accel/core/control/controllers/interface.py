@@ -16,8 +16,8 @@ from numbers import Real
 from typing import Any, ClassVar
 
 from haptic_accel.core.actuator import ActuatorParameters
+from haptic_accel.core.control.estimation import NEVER
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY
-from haptic_accel.core.control.response_estimation import NEVER
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.outside import OutsideError, guard
 from haptic_accel.core.parameters import Checked

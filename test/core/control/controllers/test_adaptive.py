@@ -19,7 +19,7 @@ from haptic_accel.core.control.controllers.adaptive import (
 )
 from haptic_accel.core.control.controllers.fixed import InverseController, InverseParameters
 from haptic_accel.core.control.controllers.interface import Loop
-from haptic_accel.core.control.grip_estimation import LARGEST_FACTORS
+from haptic_accel.core.control.estimation import LARGEST_FACTORS
 from haptic_accel.core.control.inversion import Goal, design_bank, design_inverse, predict
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import AccelerometerParameters, FloatArray, HandleParameters

@@ -28,8 +28,8 @@ from haptic_accel.core.control.controllers.fixed import (
 )
 from haptic_accel.core.control.feedback_design import GripRange
 from haptic_accel.core.control.inversion import TexturePrior
+from haptic_accel.core.handle.mechanics import approximate_model
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.handle.response import approximate_model
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.simulated_rig import RigParameters

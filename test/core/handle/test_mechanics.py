@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.handle.response import (
+from haptic_accel.core.handle.mechanics import (
     Grid,
     approximate_model,
     grid_for,
