@@ -19,7 +19,7 @@ from typing import Any
 
 from PIL import Image
 
-from haptic_accel.scope.access import Access
+from haptic_accel.scope.connections import Access
 from haptic_accel.scope.paced_rig import PacedRig
 from haptic_accel.scope.server import ScopeServer
 

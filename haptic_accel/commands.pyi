@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # fmt: off
-from haptic_accel.cli.lazy import KitVerb as KitVerb, LazyGroup as LazyGroup
+from haptic_accel.cli.commands import KitVerb as KitVerb, LazyGroup as LazyGroup
 from haptic_accel.cli.main import run as run
 from haptic_accel.cli.options import (FILE as FILE, Verb as Verb, arguments as arguments,
     json_option as json_option, listed_words as listed_words, one_of as one_of, verb as verb,

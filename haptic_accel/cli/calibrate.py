@@ -27,8 +27,7 @@ from haptic_accel.devices.serial import calibration
 from haptic_accel.devices.serial.calibration import AxesCalibration, Calibration, CalibrationError
 from haptic_accel.devices.serial.device import HIGHEST_BOARD_RATE, PortParameters
 from haptic_accel.devices.sound_bench import NO_ARM
-from haptic_accel.setup.files import EVERY_NODE, parameter_text
-from haptic_accel.setup.rig_file import check_updatable, teleop_command, update_parameter_file
+from haptic_accel.setup import files
 from haptic_accel.setup.words import described, parse_assignments
 
 if TYPE_CHECKING:
@@ -95,7 +94,7 @@ def calibrate_input(arguments: AudioInputArguments) -> None:
     _check(arguments)
     path = Path(arguments.file)
     check_writable(path, "file")
-    check_updatable(path)
+    files.check_updatable(path)
     try:
         found = _MEASURED[arguments.by](arguments)
     except (DeviceError, CalibrationError) as error:
@@ -108,7 +107,7 @@ def calibrate_input(arguments: AudioInputArguments) -> None:
     if arguments.device:
         own["device"] = arguments.device
     node = f"{arguments.side}_device"
-    update_parameter_file(path, {node: {"accelerometer_device": AUDIO, AUDIO: own}})
+    files.update_parameter_file(path, {node: {"accelerometer_device": AUDIO, AUDIO: own}})
     print(f"parameters: {path}, for params_file:={path}")
     if arguments.side == MASTER:
         command = ["calibrate", AUDIO, f"device:={arguments.device}", f"side:={SLAVE}"]
@@ -312,7 +311,7 @@ def _calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None
     except EOFError:
         raise StoppedError("the input ended before all positions were measured") from None
     if update:
-        update_parameter_file(update, _parameters(arguments, identity, found))
+        files.update_parameter_file(update, _parameters(arguments, identity, found))
     else:
         with located(f"file = '{path}'", unreadable=""):
             path.write_text(parameter_file(arguments, identity, found), encoding="utf-8")
@@ -321,7 +320,7 @@ def _calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None
     if arguments.side == MASTER:
         command = ["identify", f"params_file:={path}", "--update", str(path)]
     else:
-        command = teleop_command("", path)
+        command = files.teleop_command("", path)
     device = [] if update else [f"{arguments.side}:=serial"]
     print(next_command(*command, *device))
 
@@ -389,7 +388,7 @@ def port_parameters(
         values["calibration"] = found.parameters(arguments.axis, number)
     nodes: dict[str, dict[str, Any]] = {f"{arguments.side}_device": {SERIAL: values}}
     if arguments.side == MASTER:
-        nodes[EVERY_NODE] = {ACTUATOR: {"force_constant": arguments.force_constant}}
+        nodes[files.EVERY_NODE] = {ACTUATOR: {"force_constant": arguments.force_constant}}
     return nodes
 
 
@@ -405,4 +404,4 @@ def parameter_file(
     if arguments.side == MASTER:
         head.append("The force constant is the data sheet's.")
     comment = "".join(f"# {line}\n" for line in head)
-    return comment + parameter_text(port_parameters(arguments, identity, found))
+    return comment + files.parameter_text(port_parameters(arguments, identity, found))

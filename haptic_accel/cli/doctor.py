@@ -33,9 +33,8 @@ from haptic_accel.devices.interface import DeviceError
 from haptic_accel.graph import machine
 from haptic_accel.graph.machine import Finding
 from haptic_accel.graph.middleware import INSTALL_ROS, has_ros
+from haptic_accel.setup import files
 from haptic_accel.setup.arguments import POINTER
-from haptic_accel.setup.files import EVERY_NODE
-from haptic_accel.setup.rig_file import check_updatable, teleop_command, update_parameter_file
 
 NO_CARD = (
     "no sound card with an output that can be used: stop JACK if it runs, plug a game controller"
@@ -72,7 +71,7 @@ def examine(arguments: AudioTrialArguments, json_file: Path | None) -> None:
     path, is_tried = Path(arguments.file), arguments.device or arguments.preset
     if is_tried:
         check_writable(path, "file")
-        check_updatable(path)
+        files.check_updatable(path)
     try:
         cards = audio.sound_cards()
         save({"cards": [asdict(card) for card in cards]}, json_file)
@@ -93,7 +92,7 @@ def examine(arguments: AudioTrialArguments, json_file: Path | None) -> None:
         raise StoppedError("the input ended before a channel was named: nothing written") from None
     print("a first touch, not a bench, until `identify actuator:=audio` has found the plant")
     assignments = (f"master:={POINTER}", "scope:=true", "scope_control:=true")
-    print(next_command(*teleop_command("", path, *assignments)))
+    print(next_command(*files.teleop_command("", path, *assignments)))
 
 
 def _tried_next(cards: Sequence[audio.ListedCard]) -> str:
@@ -171,10 +170,10 @@ def _write(path: Path, found: audio.AudioParameters, card: audio.SoundCard) -> N
             f" must be at most {HIGHEST_LATENCY}; name the card itself (hw:), without a server"
         )
     nodes: dict[str, dict[str, Any]] = {
-        EVERY_NODE: {"latency": latency},
+        files.EVERY_NODE: {"latency": latency},
         "master_device": {"actuator_device": audio.AUDIO, audio.AUDIO: own},
     }
-    update_parameter_file(path, nodes)
+    files.update_parameter_file(path, nodes)
     print(f"parameters: {path}, for params_file:={path}")
 
 

@@ -33,10 +33,9 @@ from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import Supervisor
+from haptic_accel.setup import files
 from haptic_accel.setup.arguments import SIMULATED, IdentifyArguments, assigned
-from haptic_accel.setup.files import EVERY_NODE, parameter_text
 from haptic_accel.setup.processes import identification_graph
-from haptic_accel.setup.rig_file import teleop_command, update_parameter_file
 from haptic_accel.setup.setup import Setup
 
 LESS = math.sqrt(0.5)
@@ -159,7 +158,7 @@ def identify(
     if result.model_file:
         output.save(result.metrics(), folder / model)
     nodes = result.parameters(recorded.age, model)
-    parameters.write_text(result.heading + parameter_text(nodes), encoding="utf-8")
+    parameters.write_text(result.heading + files.parameter_text(nodes), encoding="utf-8")
     page = write_report(result, folder, arguments.sweep, {"run": run, **settings})
     output.save(result.metrics(), json_file)
     print_table(parameter_table(result.fits, result.truth))
@@ -173,13 +172,13 @@ def identify(
     print(f"parameters: {update or parameters}", f"report: {page}", sep="\n")
     if update:
         nodes = result.parameters(recorded.age, (folder / model).resolve())
-        nodes[EVERY_NODE] |= {"rate": arguments.rate}
+        nodes[files.EVERY_NODE] |= {"rate": arguments.rate}
         nodes.setdefault("master_device", {}).update(
             device=arguments.master,
             actuator_device=arguments.actuator,
             accelerometer_device=arguments.accelerometers,
         )
-        update_parameter_file(update, nodes)
+        files.update_parameter_file(update, nodes)
     print(output.next_command(*_next(arguments, update, parameters)))
 
 
@@ -268,7 +267,7 @@ def _next(arguments: IdentifyArguments, update: Path | None, parameters: Path) -
         if value != known[name][0]
     ]
     assignments = ["controller:=adaptive", *assignments]
-    return teleop_command(arguments.params_file, update or parameters, *assignments)
+    return files.teleop_command(arguments.params_file, update or parameters, *assignments)
 
 
 def _by_grip(arguments: IdentifyArguments, grips: Sequence[str]) -> dict[str, IdentifyArguments]:

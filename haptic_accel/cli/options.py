@@ -15,7 +15,7 @@ from typing import Any, TypeAlias, TypeVar, cast
 import click
 from click.shell_completion import CompletionItem
 
-from haptic_accel.cli.lazy import write_examples
+from haptic_accel.cli.commands import write_examples
 from haptic_accel.cli.output import StoppedError, check_writable
 from haptic_accel.core.parameters import Checked, read_decimal, schema, suggestion
 from haptic_accel.graph.middleware import NEEDS_ROS, ROS_PACKAGES
@@ -116,7 +116,7 @@ class Verb(click.Command):
         if file and folder not in file.parents:
             check_writable(file)
         if update := ctx.params.get("update"):
-            from haptic_accel.setup.rig_file import check_updatable  # slow import
+            from haptic_accel.setup.files import check_updatable  # slow import
 
             check_writable(update, "update")
             check_updatable(update)

@@ -23,8 +23,7 @@ from haptic_accel.nodes.graph_view import GraphView
 from haptic_accel.nodes.scheduling import run_nodes
 from haptic_accel.nodes.service_client import Request, RequestError, ServiceClient
 from haptic_accel.scope import state
-from haptic_accel.scope.access import TOKEN_VARIABLE, Access
-from haptic_accel.scope.connections import Rest
+from haptic_accel.scope.connections import TOKEN_VARIABLE, Access, Rest
 from haptic_accel.scope.server import CommandError, ScopeServer, check_choice
 from haptic_accel.scope.state import expected_nodes, state_of
 

@@ -30,8 +30,14 @@ from aiohttp.typedefs import Handler
 
 from haptic_accel.core.parameters import ParameterError, defined, shown
 from haptic_accel.pages import template
-from haptic_accel.scope.access import TOKEN_LETTERS, Access, is_token
-from haptic_accel.scope.connections import STOP, Connections, parsed
+from haptic_accel.scope.connections import (
+    STOP,
+    TOKEN_LETTERS,
+    Access,
+    Connections,
+    is_token,
+    parsed,
+)
 from haptic_accel.scope.frames import EVERYTHING, ON_DEMAND, SCENE, SOUND, Cursor, plots_frame
 from haptic_accel.scope.windows import Windows, live_rate
 

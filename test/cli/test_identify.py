@@ -23,9 +23,8 @@ from haptic_accel.core.model import POSTURES
 from haptic_accel.core.topics import ACTUATOR_FORCE, HANDLE_ACCELERATION
 from haptic_accel.core.trial import run_identification
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.setup.files import EVERY_NODE
+from haptic_accel.setup.files import EVERY_NODE, update_parameter_file
 from haptic_accel.setup.processes import graph
-from haptic_accel.setup.rig_file import update_parameter_file
 from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import parse_assignments
 from nightly import rest_slow

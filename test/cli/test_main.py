@@ -25,8 +25,7 @@ import haptic_accel
 from fuzzing import ODD_TEXTS, fuzz
 from haptic_accel import __version__
 from haptic_accel.analysis.metrics import Shift
-from haptic_accel.cli.commands import command_line
-from haptic_accel.cli.lazy import LazyGroup
+from haptic_accel.cli.commands import LazyGroup, command_line
 from haptic_accel.cli.options import Verb, Words
 from haptic_accel.cli.output import StoppedError
 from haptic_accel.core.parameters import ParameterError

@@ -19,8 +19,7 @@ from hypothesis import strategies as st
 
 from foreign_packages import GROUPS, declare
 from fuzzing import ODD_TEXTS, fuzz, mutated
-from haptic_accel.cli.commands import SECTIONS
-from haptic_accel.cli.lazy import COMMANDS_GROUP, LazyGroup
+from haptic_accel.cli.commands import COMMANDS_GROUP, SECTIONS, LazyGroup
 from haptic_accel.cli.output import StoppedError
 from haptic_accel.core.control.channel import build_controller
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
@@ -45,7 +44,7 @@ from haptic_accel.devices.simulated import SimulatedMaster
 from running import python
 
 OBJECTS = """
-from haptic_accel.cli.lazy import KitVerb, LazyGroup
+from haptic_accel.cli.commands import KitVerb, LazyGroup
 from haptic_accel.core.control.controllers.interface import Controller
 from haptic_accel.core.model import ZERO
 from haptic_accel.devices.interface import Device, DeviceDescription, NoParameters, Sample

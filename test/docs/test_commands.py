@@ -16,8 +16,7 @@ import pytest
 from matplotlib import pyplot
 
 from bag_maker import of_trial, write_bag
-from haptic_accel.cli.commands import command_line
-from haptic_accel.cli.lazy import LazyGroup
+from haptic_accel.cli.commands import LazyGroup, command_line
 from haptic_accel.cli.options import Verb, Words
 from haptic_accel.core.parameters import Checked, schema
 from haptic_accel.core.topics import TOPICS

@@ -180,7 +180,7 @@ def test_without_kits_the_graph_runs(
 def test_another_package_adds_a_verb(bare: Path, tmp_path: Path) -> None:
     (tmp_path / "lab_kit.py").write_text(
         "import click\n"
-        "from haptic_accel.cli.lazy import KitVerb\n"
+        "from haptic_accel.cli.commands import KitVerb\n"
         "VERB = KitVerb('Devices', 'weigh a handle', 'lab_kit')\n"
         "@click.command()\n"
         "def weigh() -> None:\n"
@@ -206,7 +206,7 @@ def test_a_verb_without_its_command_is_told_in_one_line(
     bare: Path, tmp_path: Path, text: str, line: str
 ) -> None:
     (tmp_path / "lab_kit.py").write_text(
-        "from haptic_accel.cli.lazy import KitVerb\n"
+        "from haptic_accel.cli.commands import KitVerb\n"
         "VERB = KitVerb('Devices', 'weigh a handle', 'lab_weighing')\n"
     )
     (tmp_path / "lab_weighing.py").write_text(text)

@@ -16,7 +16,7 @@ from browsing import QuietGraph
 from haptic_accel.core.document import read_yaml_document
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.scope import server as served
-from haptic_accel.scope.access import Access
+from haptic_accel.scope.connections import Access
 from haptic_accel.scope.server import ScopeServer
 from nightly import rest_slow
 from running import Command, wait_until

@@ -12,8 +12,7 @@ import pytest
 
 from haptic_accel.core.axes import ALL_AXES
 from haptic_accel.core.model import GRAVITY, FloatArray
-from haptic_accel.scope.intervals import IntervalMeasures, measure
-from haptic_accel.scope.windows import GraphSettings, Windows
+from haptic_accel.scope.windows import GraphSettings, IntervalMeasures, Windows, measure
 
 RATE = 1000.0
 PERIOD = 1_000_000

@@ -29,7 +29,7 @@ from haptic_accel.core.axes import Axes
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope import connections
 from haptic_accel.scope import server as served
-from haptic_accel.scope.access import Access
+from haptic_accel.scope.connections import Access
 from haptic_accel.scope.server import MOST_CLIENTS, READ_ONLY, CommandError, ScopeServer
 from haptic_accel.scope.windows import Windows
 from running import PATIENCE, wait_until

@@ -1,6 +1,8 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+"""Parameter files: reading and updates."""
+
 from __future__ import annotations
 
 import re
@@ -16,8 +18,15 @@ from fuzzing import ODD_TEXTS, accepted, fuzz, mutated
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.materials.folders import config_folder, preset_file
-from haptic_accel.setup.arguments import GraphArguments
-from haptic_accel.setup.files import parameter_text, read_parameter_file, surface_parameters
+from haptic_accel.setup.arguments import GraphArguments, parse_arguments
+from haptic_accel.setup.files import (
+    check_updatable,
+    parameter_text,
+    read_parameter_file,
+    surface_parameters,
+    teleop_command,
+    update_parameter_file,
+)
 from haptic_accel.setup.node_parameters import NODES, build_parameters, node_schema
 from haptic_accel.setup.setup import Setup
 
@@ -185,3 +194,85 @@ def test_what_is_no_plain_decimal_is_no_number(file: Path, value: str) -> None:
 def test_what_is_hostile_is_refused_in_one_line(file: Path, text: str) -> None:
     file.write_text(text)
     assert not accepted(lambda: read_parameter_file(file))
+
+
+RIG = """\
+# The bench by the window.
+master_device:
+  ros__parameters:
+    device: serial
+    serial.port: "/dev/ttyACM0"  # the left socket
+/**/compensator:
+  ros__parameters: {constant: {mass: 0.1}}
+"""
+
+
+def test_an_update_keeps_comments_and_all_other_values(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(RIG)
+    update_parameter_file(
+        rig,
+        {
+            "/**": {"actuator": {"m_a": 0.02}},
+            "master_device": {"serial": {"port": "/dev/ttyACM1", "calibration": {"board": "1e5"}}},
+            "compensator": {"constant": {"mass": 0.13}},
+        },
+    )
+    text = rig.read_text()
+    assert text.startswith("# The bench by the window.\n")
+    assert "# the left socket" in text
+    values = read_parameter_file(rig, "")
+    assert values["master_device"]["device"] == "serial"
+    assert values["master_device"]["serial.port"] == "/dev/ttyACM1"
+    assert values["master_device"]["serial.calibration.board"] == "1e5"
+    assert values["compensator"]["constant.mass"] == 0.13
+    assert values["compensator"]["actuator.m_a"] == 0.02
+    assert [path.name for path in tmp_path.iterdir()] == ["rig.yaml"]
+
+
+def test_a_new_file_runs_the_rig_alone(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.yaml"
+    board = {"device": "serial", "serial": {"port": "/dev/ttyACM0"}}
+    update_parameter_file(rig, {"/**": {"rate": 500.0}, "master_device": board})
+    arguments = parse_arguments([f"params_file:={rig}"])
+    assert (arguments.master, arguments.rate) == ("serial", 500.0)
+    assert Setup.of(arguments).values["master_device"]["serial.port"] == "/dev/ttyACM0"
+
+
+@pytest.mark.parametrize(
+    "text", ["", "\n", "# The bench by the window.", "\n  # left\n\n# right\n"]
+)
+def test_a_file_without_content_is_that_of_a_new_rig_and_keeps_its_comments(
+    text: str, tmp_path: Path
+) -> None:
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(text)
+    check_updatable(rig)
+    assert rig.read_text() == text
+    update_parameter_file(rig, {"master_device": {"device": "serial"}})
+    assert read_parameter_file(rig)["master_device"]["device"] == "serial"
+    assert rig.read_text().startswith(text)
+
+
+def test_a_file_of_another_form_is_left_as_it_is(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.yaml"
+    rig.write_text("master_device: {device: serial}")
+    with pytest.raises(ParameterError, match="must hold ros__parameters"):
+        update_parameter_file(rig, {"/**": {"rate": 500.0}})
+    assert rig.read_text() == "master_device: {device: serial}"
+
+
+def test_values_for_every_node_hold_in_any_namespace(tmp_path: Path) -> None:
+    file = tmp_path / "found.yaml"
+    text = parameter_text({"/**": {"actuator": {"m_a": 0.02}}})
+    for written in (text, text.replace("/**:", "/**//**:")):  # as before 0.2
+        file.write_text(written)
+        for namespace in ("", "/left"):
+            assert read_parameter_file(file, namespace)["compensator"]["actuator.m_a"] == 0.02
+
+
+def test_the_next_command_has_every_file(tmp_path: Path) -> None:
+    expected = ["teleop", "params_file:=a.yaml,b.yaml"]
+    assert teleop_command("a.yaml", Path("b.yaml")) == expected
+    found = teleop_command("a.yaml,b.yaml", Path("b.yaml"), "rate:=500")
+    assert found == [*expected, "rate:=500"]

@@ -27,8 +27,7 @@ from haptic_accel.devices.can.parameters import (
     StageParameters,
 )
 from haptic_accel.devices.can.protocol import AxisState, Frame, SetState, SetTorque
-from haptic_accel.devices.connection import AUTO
-from haptic_accel.devices.interface import Joints, Sample
+from haptic_accel.devices.interface import AUTO, Joints, Sample
 
 SHORTEST = 1e-9
 """Minimum distance used as a divisor, m."""

@@ -26,8 +26,14 @@ from haptic_accel.devices.can.parameters import (
     CanSlaveParameters,
 )
 from haptic_accel.devices.can.protocol import COMMAND_BITS, HIGHEST_ID, BusLoad, Frame, frame_bits
-from haptic_accel.devices.connection import Connection, explained
-from haptic_accel.devices.interface import Device, DeviceError, Joints, Sample
+from haptic_accel.devices.interface import (
+    Connection,
+    Device,
+    DeviceError,
+    Joints,
+    Sample,
+    explained,
+)
 
 if TYPE_CHECKING:
     import can

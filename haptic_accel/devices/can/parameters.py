@@ -13,7 +13,7 @@ from typing import Any
 
 from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
 from haptic_accel.devices.can.protocol import ERRORS
-from haptic_accel.devices.connection import AUTO, MANUAL
+from haptic_accel.devices.interface import AUTO, MANUAL
 
 KINEMATICS = ("stage", "planar", "arm")
 """Kinematics by number of joints: one, two and three."""

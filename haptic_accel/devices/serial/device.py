@@ -15,7 +15,7 @@ from haptic_accel.core.axes import ALL_AXES, NAMES, Axes, Mounting, read_mountin
 from haptic_accel.core.model import ZERO, Force, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.devices import interface
-from haptic_accel.devices.connection import AUTO, MANUAL
+from haptic_accel.devices.interface import AUTO, MANUAL
 
 if TYPE_CHECKING:
     from haptic_accel.devices.serial.protocol import Samples

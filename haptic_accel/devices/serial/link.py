@@ -23,8 +23,7 @@ from serial.tools import list_ports
 
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import one_line
-from haptic_accel.devices.connection import Connection, explained
-from haptic_accel.devices.interface import DeviceError
+from haptic_accel.devices.interface import Connection, DeviceError, explained
 from haptic_accel.devices.serial import protocol
 from haptic_accel.devices.serial.protocol import CLOCKS
 

@@ -26,8 +26,7 @@ from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.devices.serial.protocol import FULL_SCALE
 from haptic_accel.kits.bringup.bench import STEPS
-from haptic_accel.setup.files import read_parameter_file
-from haptic_accel.setup.rig_file import note_step, noted_steps
+from haptic_accel.setup.files import note_step, noted_steps, read_parameter_file
 from refusals import assert_refused, rows
 from running import Command, Start, piped, python
 from sound_cards import NAME, sound_card, sound_world

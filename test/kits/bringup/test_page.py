@@ -16,7 +16,7 @@ import pytest
 from browsing import opened, violations
 from haptic_accel.devices.observed import Observation
 from haptic_accel.kits.bringup.guide import Guide
-from haptic_accel.scope.access import Access
+from haptic_accel.scope.connections import Access
 from haptic_accel.scope.server import ScopeServer
 from nightly import rest_slow
 from running import PATIENCE, wait_until

@@ -15,8 +15,12 @@ from haptic_accel.core.parameters import from_flat
 from haptic_accel.kits.bringup import bench
 from haptic_accel.kits.bringup.bench import BringUpArguments, Watched
 from haptic_accel.kits.bringup.command_line import BringUp
-from haptic_accel.setup.files import read_parameter_file
-from haptic_accel.setup.rig_file import note_step, noted_steps, update_parameter_file
+from haptic_accel.setup.files import (
+    note_step,
+    noted_steps,
+    read_parameter_file,
+    update_parameter_file,
+)
 
 
 class Typist:
