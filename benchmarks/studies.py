@@ -19,8 +19,13 @@ from itertools import product
 import numpy as np
 
 from haptic_accel import FloatArray
-from haptic_accel.kits.study.psychophysics.detection import CHANCE, d_prime, proportion_correct
-from haptic_accel.kits.study.psychophysics.psychometric import Psychometric, fit_psychometric
+from haptic_accel.kits.study.sensitivity import (
+    CHANCE,
+    Psychometric,
+    d_prime,
+    fit_psychometric,
+    proportion_correct,
+)
 
 LEVELS: FloatArray = np.array([0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8])
 OBSERVERS = (

@@ -160,7 +160,7 @@ def _in_turns(arguments: GraphArguments, pairs: int, stop: Callable[[], bool]) -
 def _round(arguments: GraphArguments, pairs: int, stop: Callable[[], bool], tick: str) -> Row:
     """Measure the graph and then an empty loop."""
     # Imports ROS.
-    from haptic_accel.nodes.empty_loop import empty_loop
+    from haptic_accel.nodes.timing import empty_loop
 
     rate, seconds = arguments.rate, arguments.duration
     click.echo(f"graph at {rate:g} Hz for {seconds:g} s, {tick}; then the empty loop", err=True)

@@ -22,8 +22,7 @@ from haptic_accel.graph.machine import Finding
 from haptic_accel.graph.middleware import middleware_defaults
 from haptic_accel.graph.stop_signal import DOMAIN
 from haptic_accel.materials.folders import config_folder
-from haptic_accel.nodes.empty_loop import empty_loop
-from haptic_accel.nodes.timing import sharpen_timers
+from haptic_accel.nodes.timing import empty_loop, sharpen_timers
 
 ANNOUNCEMENT = 3.5
 """Duration of the search for other nodes, s: by default, Fast DDS announces nodes every 3 s."""

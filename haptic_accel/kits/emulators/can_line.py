@@ -31,14 +31,12 @@ from haptic_accel.devices.can import (
     protocol,
 )
 from haptic_accel.devices.can.protocol import HEARTBEAT_RATE, HIGHEST_ID, AxisState, Command, Frame
-from haptic_accel.kits.emulators import faults as fault
-from haptic_accel.kits.emulators.faults import Faults
-from haptic_accel.kits.emulators.pseudo_terminal import PseudoTerminal
+from haptic_accel.kits.emulators import ports
 
 if TYPE_CHECKING:
     import can
 
-MUTED = {fault.HEARTBEAT: Command.HEARTBEAT, fault.ESTIMATES: Command.ENCODER_ESTIMATES}
+MUTED = {ports.HEARTBEAT: Command.HEARTBEAT, ports.ESTIMATES: Command.ENCODER_ESTIMATES}
 """Command that an axis omits, by fault."""
 
 
@@ -52,7 +50,7 @@ class SlcanPort:
     """
 
     def __init__(self, path: Path) -> None:
-        self._terminal = PseudoTerminal(path)
+        self._terminal = ports.PseudoTerminal(path)
         self._adapter = SlcanAdapter()
 
     def receive(self) -> list[Frame]:
@@ -152,7 +150,7 @@ class CanLine:
     terminals = ()
 
     def __init__(
-        self, port: CanPort, arms: Sequence[EmulatedArm], rate: float, faults: Faults
+        self, port: CanPort, arms: Sequence[EmulatedArm], rate: float, faults: ports.Faults
     ) -> None:
         self._port = port
         self._arms = arms
@@ -186,22 +184,22 @@ class CanLine:
     def _inject(self, now: float) -> None:
         """Inject the faults that do not affect passing frames."""
         faults, faulty = self._faults, self._arms[0]
-        if fault.AXIS_ERROR in faults.advance(now):
+        if ports.AXIS_ERROR in faults.advance(now):
             faulty.fail()
         mute = faulty.axes[0].mute
         for name, command in MUTED.items():
             (mute.add if faults.active(name) else mute.discard)(command)
-        if faults.active(fault.UNPLUG):
+        if faults.active(ports.UNPLUG):
             self._port.unplug()
         else:
             self._port.plug()
-        if faults.strikes(fault.GARBAGE):
+        if faults.strikes(ports.GARBAGE):
             self._port.send_garbage(faults.random)
 
     def _passed(self, frames: list[Frame]) -> list[Frame]:
-        if self._faults.active(fault.BUS_OFF):
+        if self._faults.active(ports.BUS_OFF):
             return []
-        return [frame for frame in frames if not self._faults.strikes(fault.DROP)]
+        return [frame for frame in frames if not self._faults.strikes(ports.DROP)]
 
 
 END, OK, ERROR = b"\r", b"\r", b"\a"

@@ -28,9 +28,9 @@ from haptic_accel.devices import SimulatedDevice, SimulatedMaster, SimulatedSlav
 from haptic_accel.devices.can import KINEMATICS, CanParameters, bus_configuration, open_bus
 from haptic_accel.devices.serial import HIGHEST_BOARD_RATE, MISSING_LIBRARY
 from haptic_accel.graph import RELAY_PRIORITY, RelayArguments, hurry, open_relay, serve_relay
+from haptic_accel.kits.emulators import ports
 from haptic_accel.kits.emulators.can_line import BusPort, CanLine, EmulatedArm, SlcanPort
-from haptic_accel.kits.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, UNPLUG, FaultKind, Faults
-from haptic_accel.kits.emulators.pseudo_terminal import run
+from haptic_accel.kits.emulators.ports import FaultKind, Faults
 from haptic_accel.links import host_and_port, is_loopback
 from haptic_accel.setup import parameter_text
 
@@ -112,7 +112,7 @@ class EmulationArguments(Checked):
 class EmulateSerialArguments(EmulationArguments):
     """Arguments of the emulated boards."""
 
-    faults: str = faults_argument(SERIAL_FAULTS, "the hand begins to explore")
+    faults: str = faults_argument(ports.SERIAL_FAULTS, "the hand begins to explore")
     fault_board: str = parameter(MASTER, "board with the faults", choices=SIDES)
 
 
@@ -130,7 +130,7 @@ class EmulateCanArguments(EmulationArguments):
         "", "python-can interface, with both arms on one bus; empty for two slcan adapters"
     )
     channel: str = parameter("", "channel of the interface")
-    faults: str = faults_argument(CAN_FAULTS, "the first torque")
+    faults: str = faults_argument(ports.CAN_FAULTS, "the first torque")
     fault_arm: str = parameter(SLAVE, "arm with the faults", choices=SIDES)
 
 
@@ -143,7 +143,7 @@ class EmulateCanArguments(EmulationArguments):
 @commands.arguments(EmulateSerialArguments)
 def emulate_serial(arguments: EmulateSerialArguments) -> None:
     """Emulate the boards of handle and tool on pseudo-terminals until Ctrl-C."""
-    faults = _faults(arguments, arguments.faults, arguments.fault_board, SERIAL_FAULTS)
+    faults = _faults(arguments, arguments.faults, arguments.fault_board, ports.SERIAL_FAULTS)
     rig = arguments.virtual_rig()
     devices = {side: _simulated(rig, side, GraphArguments.rate, arguments.seed) for side in SIDES}
     try:
@@ -175,7 +175,7 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
         b"u": partial(held.tilt, (GRAVITY,) * 3),
         b"d": partial(held.tilt, (-GRAVITY,) * 3),
         b"l": partial(held.tilt, ZERO),
-        b"x": partial(unplugged.inject, UNPLUG, arguments.fault_seconds),
+        b"x": partial(unplugged.inject, ports.UNPLUG, arguments.fault_seconds),
         b"h": partial(held.tap, MASTER),
         b"t": partial(held.tap, SLAVE),
         b"m": lambda: print(f"current {_currents(boards[0], devices[MASTER])} A", flush=True),
@@ -201,7 +201,7 @@ def emulate_can(arguments: EmulateCanArguments) -> None:
 
     They are behind slcan adapters on pseudo-terminals or on any bus of python-can.
     """
-    faults = _faults(arguments, arguments.faults, arguments.fault_arm, CAN_FAULTS)
+    faults = _faults(arguments, arguments.faults, arguments.fault_arm, ports.CAN_FAULTS)
     rig = arguments.virtual_rig()
     folder = arguments.made_folder("can")
     given = {side: _driver_parameters(arguments, side, folder) for side in SIDES}
@@ -417,7 +417,7 @@ def _run(
 
     try:
         with commands.stop_on_signal() as stopped:
-            run(lines, ended)
+            ports.run(lines, ended)
     finally:
         for each in lines:
             each.close()

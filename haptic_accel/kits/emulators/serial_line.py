@@ -20,8 +20,7 @@ from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import SimulatedDevice
 from haptic_accel.devices.serial import protocol
 from haptic_accel.devices.serial.protocol import CLOCKS, FULL_SCALE, ErrorCode, FrameType, State
-from haptic_accel.kits.emulators.faults import DROP, GARBAGE, STALL, UNPLUG, Faults
-from haptic_accel.kits.emulators.pseudo_terminal import BUFFER, PseudoTerminal
+from haptic_accel.kits.emulators import ports
 
 TIMEOUT = 5_000
 """Maximum time without a set-point while a current may flow, us."""
@@ -350,23 +349,23 @@ class EmulatedBoard:
         path: Path,
         measure: Callable[[float], Vector],
         drive: Callable[[float, Vector], None] | None = None,
-        faults: Faults | None = None,
+        faults: ports.Faults | None = None,
         drift: float = 0.0,
     ) -> None:
         self._identity = identity
-        self._port = PseudoTerminal(path)
+        self._port = ports.PseudoTerminal(path)
         self._measure = measure
         self._drive = drive
         self._driven = ZERO
         self._held_out = self._held_in = b""
         self._clock_rate = 1e6 * (1 + drift)
         self.board = Board(identity, self._send)
-        self.faults = faults or Faults()
+        self.faults = faults or ports.Faults()
         self.open = False
         self.due = math.inf
 
     @property
-    def terminal(self) -> PseudoTerminal | None:
+    def terminal(self) -> ports.PseudoTerminal | None:
         """Port to wait for; None while no host has it open."""
         return self._port if self.open and self._port.plugged else None
 
@@ -386,14 +385,14 @@ class EmulatedBoard:
     def exchange(self, now: float) -> None:
         """Exchange bytes with the host, and apply immediate commands."""
         self.faults.advance(now)
-        if not self.faults.active(UNPLUG):
+        if not self.faults.active(ports.UNPLUG):
             self._port.plug()
         elif self._port.plugged:
             self._port.unplug()
             self.board = Board(self._identity, self._send)
         self._receive(now)
         self.board.tick(self._clock(now))
-        stalled = self.faults.active(STALL)
+        stalled = self.faults.active(ports.STALL)
         if self._held_out and not stalled and self._port.write(self._held_out):
             self._held_out = b""
         if not self.rate:
@@ -445,25 +444,25 @@ class EmulatedBoard:
                 self._held_out = self._held_in = b""
             return
         data = self._held_in + data
-        stalled = self.faults.active(STALL)
-        self._held_in = data[-BUFFER:] if stalled else b""
+        stalled = self.faults.active(ports.STALL)
+        self._held_in = data[-ports.BUFFER :] if stalled else b""
         if data and not stalled:
             self.board.receive(self._spoiled(data), self._clock(now))
 
     def _send(self, data: bytes) -> bool:
-        if not (self.faults.active(STALL) or self._held_out):
+        if not (self.faults.active(ports.STALL) or self._held_out):
             return self._port.write(self._spoiled(data))
-        room = len(self._held_out) + len(data) <= BUFFER
+        room = len(self._held_out) + len(data) <= ports.BUFFER
         self._held_out += data if room else b""
         return room
 
     def _spoiled(self, data: bytes) -> bytes:
         """Return bytes as delivered by a line with faults."""
         random = self.faults.random
-        if self.faults.strikes(DROP):
+        if self.faults.strikes(ports.DROP):
             start = random.randrange(len(data))
             data = data[:start] + data[start + random.randint(1, MOST_DROPPED) :]
-        if self.faults.strikes(GARBAGE):
+        if self.faults.strikes(ports.GARBAGE):
             start = random.randrange(len(data) + 1)
             garbage = random.randbytes(random.randint(1, MOST_GARBAGE))
             data = data[:start] + garbage + data[start:]
@@ -569,7 +568,7 @@ class SerialLines:
         self.due = 0.0
 
     @property
-    def terminals(self) -> list[PseudoTerminal]:
+    def terminals(self) -> list[ports.PseudoTerminal]:
         """Ports opened by hosts."""
         return [board.terminal for board in self._boards if board.terminal]
 

@@ -15,7 +15,7 @@ from haptic_accel import Axes, core
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import SLAVE, ArmSample, CoupledForces
 from haptic_accel.core.topics import TOOL_ACCELERATION
-from haptic_accel.kits.link.local import COUPLER, LocalEnd
+from haptic_accel.kits.link.datagrams import COUPLER, LocalEnd
 from haptic_accel.nodes import ARM_TOPICS, CouplingNode, MotionSynchronizer, Samples, run_nodes
 from haptic_accel.nodes.timing import RateKeeper, system_time, wake_time
 

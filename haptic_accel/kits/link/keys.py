@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from haptic_accel.commands import FILE, make_folder, next_command, verb
-from haptic_accel.kits.link.authentication import write_new_key
+from haptic_accel.kits.link.datagrams import write_new_key
 
 FOLDERS = {"robot": "slave", "operator": "master"}
 """Sides of the two hosts by folder."""

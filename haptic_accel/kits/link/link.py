@@ -23,8 +23,8 @@ from typing import Any, Protocol
 
 from haptic_accel import ParameterError
 from haptic_accel.graph import own_domain
-from haptic_accel.kits.link.authentication import TAG_LENGTH, Authenticator, read_key
-from haptic_accel.kits.link.local import LINK, LONGEST_DATAGRAM, LocalEnd
+from haptic_accel.kits.link import datagrams
+from haptic_accel.kits.link.datagrams import Authenticator, LocalEnd, read_key
 from haptic_accel.kits.link.zenoh import ZenohCarrier
 from haptic_accel.links import UDP, LinkNodeParameters, Route, bound, check_peer, route
 from haptic_accel.nodes import POLL_PERIOD, TEARDOWN, Signals, run_process
@@ -82,13 +82,13 @@ class UdpCarrier:
         count, since = 0, time.monotonic()
         while not self._over.is_set():
             try:
-                data, sender = receive(LONGEST_DATAGRAM + TAG_LENGTH + 1)
+                data, sender = receive(datagrams.LONGEST_DATAGRAM + datagrams.TAG_LENGTH + 1)
             except BlockingIOError:
                 continue
             datagram = verified(data)
             if datagram is None:
                 self._refused(sender[0])
-            elif len(datagram) <= LONGEST_DATAGRAM:
+            elif len(datagram) <= datagrams.LONGEST_DATAGRAM:
                 deliver(datagram)
             count += 1
             if count % BURST == 0:
@@ -292,7 +292,7 @@ def _run(signals: Signals) -> None:
     hints = advice(way, parameters.side, parameters.transport)
     monitor = PeerMonitor(f"peer {way.host}", hints, parameters.keys, time.monotonic())
     note = INSECURE if parameters.insecure else ""
-    with closing(LocalEnd(LINK, own_domain(), namespace)) as local:
+    with closing(LocalEnd(datagrams.LINK, own_domain(), namespace)) as local:
         if parameters.transport == UDP:
             authenticator = Authenticator(key, parameters.side, namespace)
             carrier: Carrier = UdpCarrier(way, authenticator, monitor.refuse)

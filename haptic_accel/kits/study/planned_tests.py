@@ -25,9 +25,14 @@ from haptic_accel.core.evaluation.statistics import Alternative, Interval
 from haptic_accel.core.parameters import schema
 from haptic_accel.kits.study.procedures import DIFFERENT, TASKS, Item, distance, family
 from haptic_accel.kits.study.protocol import Condition, Levels, PlannedTest, Protocol
-from haptic_accel.kits.study.psychophysics import detection
-from haptic_accel.kits.study.psychophysics.psychometric import Psychometric, fit_psychometric
 from haptic_accel.kits.study.reading import matching
+from haptic_accel.kits.study.sensitivity import (
+    CHANCE,
+    Psychometric,
+    d_prime,
+    d_prime_by_answers,
+    fit_psychometric,
+)
 from haptic_accel.kits.study.tables import exclusions
 from haptic_accel.kits.study.trials import SessionRecord, TrialRecord
 
@@ -257,11 +262,11 @@ def right(trials: Trials) -> tuple[int, int]:
 
 def sensitivity(protocol: Protocol, trials: Trials) -> Interval:
     """Return d' of one participant's trials."""
-    if protocol.task in detection.CHANCE:
-        return detection.d_prime(protocol.task, *right(trials))
+    if protocol.task in CHANCE:
+        return d_prime(protocol.task, *right(trials))
     hits = [each.answer == DIFFERENT for each in trials if each.record.trial.right == DIFFERENT]
     alarms = [each.answer == DIFFERENT for each in trials if each.record.trial.right != DIFFERENT]
-    return detection.d_prime_by_answers(sum(hits), len(hits), sum(alarms), len(alarms))
+    return d_prime_by_answers(sum(hits), len(hits), sum(alarms), len(alarms))
 
 
 def psychometric_function(levels: Levels, task: str, trials: Trials) -> Psychometric:

@@ -20,11 +20,10 @@ from haptic_accel.analysis.plots import FittedCurve, Strip
 from haptic_accel.commands import ResultTable, Row
 from haptic_accel.core import DASH
 from haptic_accel.core.evaluation.statistics import Interval, mean_interval
-from haptic_accel.kits.study import planned_tests
+from haptic_accel.kits.study import choices, planned_tests
 from haptic_accel.kits.study.procedures import distance, labels
 from haptic_accel.kits.study.protocol import Condition, Levels, Protocol
-from haptic_accel.kits.study.psychophysics import choices
-from haptic_accel.kits.study.psychophysics.detection import CHANCE, exact_binomial
+from haptic_accel.kits.study.sensitivity import CHANCE, exact_binomial
 from haptic_accel.kits.study.tables import COLUMNS, MEASURED, Tables
 
 PLANNED, EXPLORATORY, DELIVERED = "planned", "exploratory", "delivered"

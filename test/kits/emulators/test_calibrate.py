@@ -21,7 +21,7 @@ from haptic_accel.core.parameters import from_flat
 from haptic_accel.devices.serial.calibration import POSES
 from haptic_accel.devices.serial.device import CalibrationParameters, Sensor
 from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
-from haptic_accel.kits.emulators.pseudo_terminal import run
+from haptic_accel.kits.emulators.ports import run
 from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
 from haptic_accel.setup.files import read_parameter_file
 from running import on_thread

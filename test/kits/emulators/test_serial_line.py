@@ -24,7 +24,7 @@ from haptic_accel.core.tick import PositionPositionCoupling
 from haptic_accel.devices import simulated
 from haptic_accel.devices.serial import protocol
 from haptic_accel.kits.emulators import serial_line
-from haptic_accel.kits.emulators.pseudo_terminal import PseudoTerminal
+from haptic_accel.kits.emulators.ports import PseudoTerminal
 from running import wait_until
 
 HANDLE = protocol.Identity((1, 0, 0), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle")

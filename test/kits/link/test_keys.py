@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.kits.link.authentication import LINK_KEY, read_key
+from haptic_accel.kits.link.datagrams import LINK_KEY, read_key
 from verbs import next_command, refusal, status_of
 
 

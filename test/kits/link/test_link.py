@@ -19,9 +19,15 @@ import psutil
 import pytest
 
 from haptic_accel.core.process import DONE, EMERGENCY, WRONG_ARGUMENTS
-from haptic_accel.kits.link.authentication import Authenticator, read_key, write_new_key
+from haptic_accel.kits.link.datagrams import (
+    COUPLER,
+    LONGEST_DATAGRAM,
+    Authenticator,
+    LocalEnd,
+    read_key,
+    write_new_key,
+)
 from haptic_accel.kits.link.link import REPEAT, SEARCH_PERIOD, SILENCE, PeerMonitor, advice
-from haptic_accel.kits.link.local import COUPLER, LONGEST_DATAGRAM, LocalEnd
 from haptic_accel.kits.link.zenoh import AUTHORITY
 from haptic_accel.links import Route
 from running import Command, Start, free_ports, reserved_domain, wait_until

@@ -101,7 +101,7 @@ def near(observer: Observer, delay: float) -> bool:
 
 
 def test_domains_with_nodes_are_not_taken() -> None:
-    from haptic_accel.kits.link.local import LINK, LocalEnd
+    from haptic_accel.kits.link.datagrams import LINK, LocalEnd
 
     own = int(os.environ.get("ROS_DOMAIN_ID") or 0)
     end = LocalEnd(LINK, own + 1, "/of_a_test")

@@ -15,7 +15,7 @@ from contextlib import ExitStack
 import pytest
 
 from haptic_accel.core.network.endpoint import Endpoint, Motion, State, unpack
-from haptic_accel.kits.link.authentication import KEY_LENGTH, TAG_LENGTH, Authenticator
+from haptic_accel.kits.link.datagrams import KEY_LENGTH, TAG_LENGTH, Authenticator
 from haptic_accel.kits.link.link import UdpCarrier
 from haptic_accel.links import Route, bound
 from running import wait_until

@@ -36,8 +36,8 @@ from haptic_accel.kits.study.planned_tests import (
     values,
 )
 from haptic_accel.kits.study.protocol import PlannedTest, Protocol, Rules
-from haptic_accel.kits.study.psychophysics.detection import d_prime
 from haptic_accel.kits.study.reading import read_protocol
+from haptic_accel.kits.study.sensitivity import d_prime
 from haptic_accel.kits.study.session import simulate_study
 from haptic_accel.kits.study.trials import CATCH, PlannedTrial, SessionRecord
 

@@ -19,8 +19,7 @@ from haptic_accel.devices import SLAVES, Sample
 from haptic_accel.devices.serial.protocol import Identity
 from haptic_accel.devices.simulated import SimulatedSlave, SimulatedSlaveParameters
 from haptic_accel.kits.emulators.can_line import CanLine, EmulatedArm, SlcanPort
-from haptic_accel.kits.emulators.faults import CAN_FAULTS, Faults
-from haptic_accel.kits.emulators.pseudo_terminal import run
+from haptic_accel.kits.emulators.ports import CAN_FAULTS, Faults, run
 from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
 from haptic_accel.setup.files import read_parameter_file
 from haptic_accel.setup.node_parameters import build_parameters

@@ -30,8 +30,7 @@ from haptic_accel.devices.interface import LATER
 from haptic_accel.devices.serial import protocol
 from haptic_accel.devices.serial.device import SerialDevice, SerialMaster, SerialSlave
 from haptic_accel.devices.serial.link import ARMED
-from haptic_accel.kits.emulators.faults import DROP, GARBAGE, STALL, UNPLUG
-from haptic_accel.kits.emulators.pseudo_terminal import PseudoTerminal
+from haptic_accel.kits.emulators.ports import DROP, GARBAGE, STALL, UNPLUG, PseudoTerminal
 from running import PATIENCE, wait_until
 
 HANDLE = protocol.Identity((1, 2, 3), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle-1")

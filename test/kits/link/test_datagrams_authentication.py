@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 
 from fuzzing import fuzz
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.kits.link.authentication import (
+from haptic_accel.kits.link.datagrams import (
     KEY_LENGTH,
     LINK_KEY,
+    LONGEST_DATAGRAM,
     TITLE,
     Authenticator,
     read_key,
     write_new_key,
 )
-from haptic_accel.kits.link.local import LONGEST_DATAGRAM
 
 KEY, OTHER = b"k" * KEY_LENGTH, b"o" * KEY_LENGTH
 

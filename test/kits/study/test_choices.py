@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy import optimize, stats
 
 from haptic_accel.core.model import FloatArray
-from haptic_accel.kits.study.psychophysics import choices
+from haptic_accel.kits.study import choices
 
 # Citations between Biometrika, Comm. Statist., JASA and JRSS-B (Stigler 1994): Agresti,
 # "Categorical Data Analysis", 2002, page 448, and the R package BradleyTerry2, whose maximum

@@ -13,7 +13,13 @@ from contextlib import closing
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.kits.link.local import COUPLER, LINK, LONGEST_DATAGRAM, MOST_WAITING, LocalEnd
+from haptic_accel.kits.link.datagrams import (
+    COUPLER,
+    LINK,
+    LONGEST_DATAGRAM,
+    MOST_WAITING,
+    LocalEnd,
+)
 
 Ends = tuple[LocalEnd, LocalEnd]
 

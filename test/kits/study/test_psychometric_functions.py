@@ -19,14 +19,15 @@ from scipy import stats
 from haptic_accel.core.model import FloatArray
 from haptic_accel.kits.study.procedures import Plan
 from haptic_accel.kits.study.protocol import Extras, Observer, Procedure
-from haptic_accel.kits.study.psychophysics.detection import CHANCE, proportion_correct
-from haptic_accel.kits.study.psychophysics.psychometric import (
+from haptic_accel.kits.study.sensitivity import (
+    CHANCE,
     LAPSE,
     SIGMOIDS,
     SLOPE_MARGIN,
     SLOPES,
     Psychometric,
     fit_psychometric,
+    proportion_correct,
 )
 from haptic_accel.kits.study.session import SimulatedParticipant
 

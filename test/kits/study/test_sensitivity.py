@@ -53,23 +53,23 @@ TRIANGLE_TABLE = {
 }
 
 
-@pytest.mark.parametrize("task", detection.CHANCE)
+@pytest.mark.parametrize("task", sensitivity.CHANCE)
 def test_proportions_are_those_of_sensr(task: str) -> None:
-    found = detection.proportion_correct(task, np.array(D_PRIMES))
+    found = sensitivity.proportion_correct(task, np.array(D_PRIMES))
     assert found == pytest.approx(PROPORTIONS[task], abs=1.1e-4)
 
 
-@pytest.mark.parametrize("task", detection.CHANCE)
+@pytest.mark.parametrize("task", sensitivity.CHANCE)
 def test_sensitivities_are_those_of_sensr(task: str) -> None:
     # Proportions are stated to four digits, which move d' by up to a thousandth.
     proportions, expected = INVERSE[task]
-    found = [detection.sensitivity(task, each) for each in proportions]
+    found = [sensitivity.sensitivity(task, each) for each in proportions]
     assert found == pytest.approx(expected, abs=1e-3)
 
 
 @pytest.mark.parametrize(("task", "correct", "limits"), INTERVALS)
 def test_limits_are_those_of_sensr(task: str, correct: int, limits: tuple[float, float]) -> None:
-    found = detection.d_prime(task, correct, 100)
+    found = sensitivity.d_prime(task, correct, 100)
     assert (found.low, found.high) == pytest.approx(limits, abs=1e-4)
 
 
@@ -77,7 +77,7 @@ def test_a_triangle_follows_the_noncentral_f_distribution() -> None:
     # Ura 1960, Brockhoff and Christensen 2010: P(correct) = P(F > 3), 1 and 1 degrees of freedom.
     d = np.linspace(0.1, 6.0, 30)
     expected = stats.ncf.sf(3, 1, 1, 2 * d**2 / 3)
-    assert detection.proportion_correct("odd_one_out", d) == pytest.approx(expected, abs=1e-9)
+    assert sensitivity.proportion_correct("odd_one_out", d) == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize(("d", "criterion"), [(0.5, 1.0), (1.0, 2.0), (2.5, 1.5)])
@@ -88,17 +88,17 @@ def test_same_different_finds_the_d_prime_of_simulated_decisions(
     a, b = np.random.default_rng(2).normal(size=(2, n))
     hits = int(np.sum(abs(a - b - d) > criterion))
     false_alarms = int(np.sum(abs(a - b) > criterion))
-    found = detection.d_prime_by_answers(hits, n, false_alarms, n)
+    found = sensitivity.d_prime_by_answers(hits, n, false_alarms, n)
     assert found.value == pytest.approx(d, abs=0.015)
     assert found.low <= d <= found.high
-    swapped = detection.d_prime_by_answers(false_alarms, n, hits, n)
+    swapped = sensitivity.d_prime_by_answers(false_alarms, n, hits, n)
     assert swapped.value == pytest.approx(-found.value)
 
 
 @pytest.mark.parametrize("trials", TRIANGLE_TABLE)
 def test_exact_binomial_gives_the_table_of_triangle_tests(trials: int) -> None:
     def least(alpha: float) -> int:
-        p = [detection.exact_binomial(k, trials, 1 / 3, "greater").p for k in range(trials + 1)]
+        p = [sensitivity.exact_binomial(k, trials, 1 / 3, "greater").p for k in range(trials + 1)]
         return next(k for k in range(trials + 1) if p[k] <= alpha)
 
     assert tuple(least(alpha) for alpha in (0.1, 0.05, 0.01, 0.001)) == TRIANGLE_TABLE[trials]
@@ -110,7 +110,9 @@ def test_exact_binomial_gives_the_table_of_triangle_tests(trials: int) -> None:
 def test_d_prime_covers_at_least_as_it_claims(n: int, task: str) -> None:
     found = [detection.d_prime(task, correct, n) for correct in range(n + 1)]
     for d in (0.0, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0):
-        weights = stats.binom.pmf(range(n + 1), n, detection.proportion_correct(task, np.array(d)))
+        weights = stats.binom.pmf(
+            range(n + 1), n, sensitivity.proportion_correct(task, np.array(d))
+        )
         held = sum(w for w, each in zip(weights, found, strict=True) if each.low <= d <= each.high)
         assert held >= 0.95, d
 
@@ -118,7 +120,7 @@ def test_d_prime_covers_at_least_as_it_claims(n: int, task: str) -> None:
 @pytest.mark.parametrize("n", rest_slow([5, 12, 20], now=2))
 def test_d_prime_by_answers_covers_for_each_criterion(n: int) -> None:
     counts = range(n + 1)
-    found = [[detection.d_prime_by_answers(h, n, f, n) for f in counts] for h in counts]
+    found = [[sensitivity.d_prime_by_answers(h, n, f, n) for f in counts] for h in counts]
     low = np.array([[each.low for each in row] for row in found])
     high = np.array([[each.high for each in row] for row in found])
     for d, criterion in product((0.0, 0.5, 1.0, 2.0, 3.0), (0.5, 1.5, 2.5)):
@@ -129,8 +131,8 @@ def test_d_prime_by_answers_covers_for_each_criterion(n: int) -> None:
 
 
 def mean_over_all_outcomes(task: str, d: float, n: int) -> float:
-    weights = stats.binom.pmf(range(n + 1), n, detection.proportion_correct(task, np.array(d)))
-    return sum(w * detection.d_prime(task, k, n).value for k, w in enumerate(weights))
+    weights = stats.binom.pmf(range(n + 1), n, sensitivity.proportion_correct(task, np.array(d)))
+    return sum(w * sensitivity.d_prime(task, k, n).value for k, w in enumerate(weights))
 
 
 @pytest.mark.parametrize("d", [0.0, 0.5, 1.0, 2.0])
@@ -146,9 +148,9 @@ def test_d_prime_of_flat_tasks_is_unbiased_at_chance_and_above_two(task: str) ->
     assert mean_over_all_outcomes(task, 1.0, 60) == pytest.approx(0.88, abs=0.02)
 
 
-@given(st.sampled_from(sorted(detection.CHANCE)), st.integers(1, 80), st.data())
+@given(st.sampled_from(sorted(sensitivity.CHANCE)), st.integers(1, 80), st.data())
 def test_d_prime_is_finite_and_within_its_limits(task: str, n: int, data: st.DataObject) -> None:
-    found = detection.d_prime(task, data.draw(st.integers(0, n)), n)
+    found = sensitivity.d_prime(task, data.draw(st.integers(0, n)), n)
     assert math.isfinite(found.value)
     assert found.low <= found.value <= found.high
 
@@ -158,20 +160,20 @@ def test_d_prime_by_answers_is_finite_and_within_its_limits(
     different: int, same: int, data: st.DataObject
 ) -> None:
     hits, false_alarms = data.draw(st.integers(0, different)), data.draw(st.integers(0, same))
-    found = detection.d_prime_by_answers(hits, different, false_alarms, same)
+    found = sensitivity.d_prime_by_answers(hits, different, false_alarms, same)
     assert math.isfinite(found.value)
     assert found.low <= found.value <= found.high
 
 
 def test_an_upper_limit_is_infinite_without_an_error() -> None:
-    assert detection.d_prime("2ifc", 20, 20).high == math.inf
-    assert detection.d_prime_by_answers(20, 20, 0, 20).high == math.inf
+    assert sensitivity.d_prime("2ifc", 20, 20).high == math.inf
+    assert sensitivity.d_prime_by_answers(20, 20, 0, 20).high == math.inf
 
 
-EMPTY = [detection.d_prime("abx", 0, 0), detection.d_prime_by_answers(0, 0, 1, 2)]
+EMPTY = [sensitivity.d_prime("abx", 0, 0), sensitivity.d_prime_by_answers(0, 0, 1, 2)]
 
 
-@pytest.mark.parametrize("found", [*EMPTY, detection.exact_binomial(0, 0, 0.5).interval])
+@pytest.mark.parametrize("found", [*EMPTY, sensitivity.exact_binomial(0, 0, 0.5).interval])
 def test_without_trials_there_is_no_number(found: Interval) -> None:
     assert math.isnan(found.value)
     assert math.isnan(found.low)
@@ -180,6 +182,6 @@ def test_without_trials_there_is_no_number(found: Interval) -> None:
 
 def test_more_answers_than_trials_are_refused() -> None:
     with pytest.raises(ValueError, match="11 answers of 10 trials"):
-        detection.d_prime("2ifc", 11, 10)
+        sensitivity.d_prime("2ifc", 11, 10)
     with pytest.raises(ValueError, match="-1 answers"):
-        detection.d_prime_by_answers(-1, 10, 0, 10)
+        sensitivity.d_prime_by_answers(-1, 10, 0, 10)

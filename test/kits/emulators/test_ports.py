@@ -1,9 +1,13 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults, and the times when they act."""
+"""Pseudo-terminals and faults of emulators."""
 
 from __future__ import annotations
+
+import os
+import select
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -11,7 +15,7 @@ from hypothesis import strategies as st
 
 from fuzzing import ODD_TEXTS, accepted, fuzz
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.kits.emulators.faults import (
+from haptic_accel.kits.emulators.ports import (
     AXIS_ERROR,
     CAN_FAULTS,
     DROP,
@@ -20,7 +24,55 @@ from haptic_accel.kits.emulators.faults import (
     STALL,
     UNPLUG,
     Faults,
+    PseudoTerminal,
 )
+
+
+def test_bytes_pass_both_ways_while_a_host_has_it_open(tmp_path: Path) -> None:
+    path = tmp_path / "port"
+    port = PseudoTerminal(path)
+    assert port.plugged
+    host = os.open(path, os.O_RDWR | os.O_NOCTTY)
+    os.write(host, b"to\0the\nboard\r")
+    assert select.select([port], [], [], 10.0)[0]  # the kernel passes bytes on in its own time
+    assert port.read() == b"to\0the\nboard\r"
+    assert port.read() == b""
+    assert port.write(b"to\0the\nhost\r")
+    assert os.read(host, 100) == b"to\0the\nhost\r"
+    os.close(host)
+    assert port.read() is None
+    port.unplug()
+
+
+def test_nothing_is_torn_while_there_is_no_room(tmp_path: Path) -> None:
+    port = PseudoTerminal(tmp_path / "port")
+    host = os.open(tmp_path / "port", os.O_RDWR | os.O_NOCTTY)
+    line = b"0123456789abcdef" * 8
+    sent = 0
+    while port.write(line):
+        sent += 1
+    received = b""
+    while len(received) < sent * len(line):
+        received += os.read(host, 4096)
+        port.write(b"")  # sends the rest of the last line
+    assert received == line * sent
+    os.close(host)
+    port.unplug()
+
+
+def test_it_can_be_unplugged_and_plugged_in_again(tmp_path: Path) -> None:
+    path = tmp_path / "port"
+    port = PseudoTerminal(path)
+    port.unplug()
+    port.unplug()
+    assert not path.is_symlink()
+    assert port.read() is None
+    assert not port.write(b"x")
+    port.plug()
+    name = os.readlink(path)
+    port.plug()
+    assert os.readlink(path) == name
+    port.unplug()
 
 
 def test_a_fault_with_a_time_acts_for_a_while_after_the_beginning() -> None:
