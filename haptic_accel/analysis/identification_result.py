@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeAlias, TypeVar
 
 import numpy as np
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.axes import ALL_AXES, NAMES
 from haptic_accel.core.handle.plant import THREE_AXES
 from haptic_accel.core.identification import sweep as sweeps

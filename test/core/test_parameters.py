@@ -14,10 +14,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from haptic_accel.core.control.compensation import CompensationParameters
-from haptic_accel.core.control.controllers.feedback import FeedbackParameters
-from haptic_accel.core.control.controllers.inverse import InverseParameters
-from haptic_accel.core.control.controllers.paper import ConstantParameters
-from haptic_accel.core.control.inversion.spectrum import TexturePrior
+from haptic_accel.core.control.controllers.fixed import (
+    ConstantParameters,
+    FeedbackParameters,
+    InverseParameters,
+)
+from haptic_accel.core.control.inversion import TexturePrior
 from haptic_accel.core.coupling.passive import CouplingParameters
 from haptic_accel.core.model import AccelerometerParameters, ApproximateModel, HandleParameters
 from haptic_accel.core.parameters import (

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import FloatArray, GripParameters
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
-from haptic_accel.core.rig.interface import ArmParameters
+from haptic_accel.core.rig import ArmParameters
 from haptic_accel.core.rig.master_rig import ExplorationParameters, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import SurfaceParameters, ToolParameters
 from haptic_accel.core.surfaces.texture import TextureModel

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from browsing import LISTEN, Tones, opened
-from haptic_accel.scope.access import Access
+from haptic_accel.scope.connections import Access
 from haptic_accel.scope.server import ScopeServer
 from running import wait_until
 

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.scope.access import Access
+from haptic_accel.scope.connections import Access
 from haptic_accel.scope.server import Act, ScopeServer
 from haptic_accel.scope.windows import Windows
 from running import PATIENCE

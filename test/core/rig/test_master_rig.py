@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
-from haptic_accel.core.handle.response import cross_coupling, sampled_response
+from haptic_accel.core.handle.mechanics import cross_coupling, sampled_response
 from haptic_accel.core.handle.three_axis import (
     GYRATION_RADIUS,
     BodyParameters,

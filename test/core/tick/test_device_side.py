@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.actuator.safety import (
+from haptic_accel.core.actuator import (
     ACTUATOR_TIMEOUT,
     ARM_PEAK_FORCE,
     ARM_TIMEOUT,

@@ -16,7 +16,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.network import endpoint
-from haptic_accel.kits.link.authentication import KEY_LENGTH, Authenticator
+from haptic_accel.kits.link.datagrams import KEY_LENGTH, Authenticator
 
 RATE = 1000.0
 TICK = 0.01

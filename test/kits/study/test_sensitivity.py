@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from haptic_accel.core.evaluation.statistics import Interval
-from haptic_accel.kits.study.psychophysics import detection
+from haptic_accel.kits.study import sensitivity
 from nightly import rest_slow
 
 # By sensR 1.5-3 (R; Christensen, Brockhoff), twoAFC, triangle and duotrio, as published in
@@ -105,10 +105,11 @@ def test_exact_binomial_gives_the_table_of_triangle_tests(trials: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("n", "task"), rest_slow(product((10, 30, 100), detection.CHANCE), 2 * len(detection.CHANCE))
+    ("n", "task"),
+    rest_slow(product((10, 30, 100), sensitivity.CHANCE), 2 * len(sensitivity.CHANCE)),
 )
 def test_d_prime_covers_at_least_as_it_claims(n: int, task: str) -> None:
-    found = [detection.d_prime(task, correct, n) for correct in range(n + 1)]
+    found = [sensitivity.d_prime(task, correct, n) for correct in range(n + 1)]
     for d in (0.0, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0):
         weights = stats.binom.pmf(
             range(n + 1), n, sensitivity.proportion_correct(task, np.array(d))

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from haptic_accel.core import model
-from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.compensation import LARGEST_ACCELERATION
 from haptic_accel.core.control.controllers import Loop
-from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
+from haptic_accel.core.control.controllers.fixed import InverseController, InverseParameters
 from haptic_accel.core.control.filters import high_pass
 from haptic_accel.core.control.inversion import (
     SENSOR_DENSITY,

@@ -29,8 +29,7 @@ from haptic_accel.devices.can.protocol import AxisState, Estimates, Heartbeat
 from haptic_accel.devices.interface import DeviceError
 from haptic_accel.devices.simulated import SimulatedSlave, SimulatedSlaveParameters
 from haptic_accel.kits.emulators.can_line import BusPort, CanLine, CanPort, EmulatedArm, SlcanPort
-from haptic_accel.kits.emulators.faults import CAN_FAULTS, Faults
-from haptic_accel.kits.emulators.pseudo_terminal import run
+from haptic_accel.kits.emulators.ports import CAN_FAULTS, Faults, run
 from running import on_thread, wait_until
 
 RATE = 200.0  # Hz

@@ -17,7 +17,7 @@ from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.devices.serial import protocol
 from haptic_accel.devices.serial.device import SerialDevice, SerialMaster
-from haptic_accel.kits.emulators.pseudo_terminal import run
+from haptic_accel.kits.emulators.ports import run
 from haptic_accel.kits.emulators.serial_line import Board, EmulatedBoard, SerialLines
 from running import on_thread
 
