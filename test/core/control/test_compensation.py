@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import lru_cache
 
@@ -93,9 +93,11 @@ def unlimited(controller: str, **limits: float) -> OneCoil:
     return woken(OneCoil(around, RATE, {"actuator": actuator, "plant": STIFF}))
 
 
-def outputs(of: OneCoil, tool_acceleration: list[float]) -> FloatArray:
-    """Return desired accelerations and forces for a handle at rest."""
-    return np.array([of.sample(value, 0.0) for value in tool_acceleration])
+def answers(
+    of: OneCoil, tool_acceleration: Iterable[float], handle: float | None = None
+) -> FloatArray:
+    """Return desired accelerations and forces."""
+    return np.array([of.sample(float(value), handle) for value in tool_acceleration])
 
 
 def forces(of: OneCoil, tool_acceleration: list[float]) -> list[float]:
@@ -113,32 +115,26 @@ def texture(seconds: float) -> FloatArray:
 
 
 @pytest.mark.parametrize("controller", ["none", "constant", "dynamic"])
-@pytest.mark.parametrize("rate", [1000.0, 4000.0])
+@pytest.mark.parametrize(("rate", "corner"), [(1000.0, 15.0), (4000.0, 15.0), (1000.0, 100.0)])
 @untimed
 @given(values=signals)
 def test_samples_give_what_the_whole_signal_gives(
-    controller: str, rate: float, values: FloatArray
+    controller: str, rate: float, corner: float, values: FloatArray
 ) -> None:
-    desired = signal.sosfilt(high_pass(15.0, rate), values)
+    desired = signal.sosfilt(high_pass(corner, rate), values)
     force = {
         "none": np.zeros_like(values),
         "constant": 0.128 * desired,
         "dynamic": signal.sosfilt(inverse_of(ApproximateModel(), rate), desired),
     }[controller]
-    stream = woken(OneCoil(CompensationParameters(controller), rate, {"actuator": UNLIMITED}))
-    output = outputs(stream, values.tolist())
+    around = CompensationParameters(controller, high_pass_frequency=corner)
+    stream = woken(OneCoil(around, rate, {"actuator": UNLIMITED}))
+    output = answers(stream, values, 0.0)
     assert output[:, 0] == pytest.approx(desired, abs=1e-9)
     assert output[:, 1] == pytest.approx(
         np.clip(force, -COIL.peak_force, COIL.peak_force), abs=1e-9
     )
     assert stream.rejected == 0
-
-
-def test_its_corner_can_be_chosen() -> None:
-    stream = woken(OneCoil(CompensationParameters("constant", high_pass_frequency=100.0), RATE))
-    # At the corner a Butterworth high-pass lets 1/sqrt(2) through.
-    output = outputs(stream, np.sin(2 * np.pi * 0.1 * np.arange(1000)).tolist())
-    assert np.std(output[500:, 0]) == pytest.approx(0.5, rel=1e-3)
 
 
 def test_parameters_reach_the_controller_they_are_for() -> None:
@@ -306,14 +302,15 @@ def test_a_handle_that_is_missing_or_at_its_sensors_range_is_not_believed(contro
 
 
 @untimed
-@given(
-    controllers, st.lists(st.one_of(st.floats(-50.0, 50.0), st.sampled_from([math.nan, math.inf])))
-)
-def test_a_sample_that_is_not_finite_counts_as_zero(controller: str, values: list[float]) -> None:
+@given(controllers, st.lists(numbers))
+def test_a_sample_that_is_not_finite_or_absurd_counts_as_zero(
+    controller: str, values: list[float]
+) -> None:
     stream, clean = compensation(controller), compensation(controller)
-    replaced = [value if math.isfinite(value) else 0.0 for value in values]
+    replaced = [value if abs(value) <= LARGEST_ACCELERATION else 0.0 for value in values]
     assert [stream.sample(v, 0.0) for v in values] == [clean.sample(v, 0.0) for v in replaced]
-    assert stream.rejected == sum(not math.isfinite(value) for value in values)
+    absurd = [value for value in values if not abs(value) <= LARGEST_ACCELERATION]
+    assert stream.rejected == len(absurd)
 
 
 def test_a_handle_acceleration_that_is_not_finite_is_counted_too() -> None:
@@ -321,19 +318,6 @@ def test_a_handle_acceleration_that_is_not_finite_is_counted_too() -> None:
     stream.sample(1.0, math.nan)
     stream.sample(math.inf, -math.inf)
     assert (stream.rejected, stream.untrusted) == (1, 2)
-
-
-@pytest.mark.parametrize("controller", ["none", "constant", "dynamic"])
-@pytest.mark.parametrize(
-    "absurd", [[1e308], [1e308, -1e308], [1e308] * 5, [1e300, math.nan, -1e300], [1e200] * 3]
-)
-def test_even_numbers_that_overflow_are_forgotten(controller: str, absurd: list[float]) -> None:
-    stream, fresh = compensation(controller), compensation(controller)
-    forces(stream, absurd)
-    # The slowest pole, 12 Hz with damping 0.3, takes 31 s from 1e308 down to 1.
-    forces(stream, [0.0] * 40_000)
-    for value in (1.0, -5.0, 10.0):
-        assert stream.sample(value, 0.0) == pytest.approx(fresh.sample(value, 0.0), abs=1e-6)
 
 
 # What is refused
@@ -352,16 +336,6 @@ def test_a_rate_too_low_for_the_high_pass_is_refused(rate: float) -> None:
 def test_a_rate_just_above_is_not() -> None:
     check_corner(31.0, CompensationParameters().high_pass_frequency)
     assert compensation("dynamic", 31.0).sample(0.0, 0.0) == (0.0, 0.0)
-
-
-# Controllers by name
-
-
-def test_an_absurd_sample_does_not_hold_the_actuator_at_its_limit() -> None:
-    stream = compensation("dynamic")
-    assert stream.sample(1e30, 0.0) == (0.0, 0.0)
-    assert stream.rejected == 1
-    assert stream.sample(0.0, 0.0) == (0.0, 0.0)
 
 
 # Another controller takes over
@@ -430,7 +404,7 @@ BEGUN = 3000
 @lru_cache
 def alone(controller: str) -> FloatArray:
     """Return what a controller that was always there gives."""
-    return outputs(compensation(controller), texture(5.0).tolist())
+    return answers(compensation(controller), texture(5.0), 0.0)
 
 
 @pytest.mark.parametrize(("one", "other"), PAIRS)
@@ -439,7 +413,7 @@ def test_afterwards_it_is_as_if_the_other_had_always_been_there(one: str, other:
     values = texture(5.0).tolist()
     forces(stream, values[:BEGUN])
     stream.select(other)
-    found = outputs(stream, values[BEGUN:])
+    found = answers(stream, values[BEGUN:], 0.0)
     expected = alone(other)[BEGUN:]
     difference = np.abs(found - expected)[LISTENED + FADED :]
     assert difference[:, 0].max() < 1e-3
@@ -464,43 +438,31 @@ def test_who_is_selected_back_while_the_other_listens_never_left(
     assert found == forces(always, values)
 
 
-def test_who_is_selected_while_another_is_faded_in_waits_for_its_turn() -> None:
-    for last in ("none", "dynamic"):
-        stream = compensation("none")
-        stream.select("constant")
-        values = [math.sin(index) for index in range(4 * LISTENED)]
-        forces(stream, values[: LISTENED + 2])
-        stream.select(last)
-        assert stream.controller == last
-        fading = forces(stream, values[LISTENED + 2 : LISTENED + FADED])
-        constant = forces(compensation("constant"), values)
-        assert fading[-1] == pytest.approx(constant[LISTENED + FADED - 1], rel=1e-6)
-        listening = forces(stream, values[LISTENED + FADED : 2 * LISTENED])
-        assert listening == pytest.approx(constant[LISTENED + FADED : 2 * LISTENED], rel=1e-6)
-        later = forces(stream, values[2 * LISTENED :])
-        final = forces(compensation(last), values)
-        assert later[-100:] == pytest.approx(final[-100:], abs=1e-6)
-        # Who takes back its word while it waits need not wait.
-    stream = compensation("none")
-    stream.select("constant")
-    forces(stream, values[: LISTENED + 2])
-    stream.select("none")
-    stream.select("constant")
-    found = forces(stream, values[LISTENED + 2 :])
-    assert found[-100:] == pytest.approx(constant[-100:], rel=1e-6)
+SIMPLE = ("none", "constant", "dynamic")
+moments = st.one_of(st.integers(0, 600), st.integers(LISTENED - 1, LISTENED + FADED))
 
 
-def test_a_third_may_be_selected_while_the_second_listens() -> None:
-    stream = compensation("none")
-    values = [math.sin(index) for index in range(1000)]
-    stream.select("dynamic")
-    forces(stream, values[:100])
-    stream.select("constant")
-    assert not any(forces(stream, values[100 : 100 + LISTENED]))
-    found = forces(stream, values[100 + LISTENED :])
-    assert found[FADED:] == pytest.approx(
-        forces(compensation("constant"), values)[100 + LISTENED + FADED :], rel=1e-6
-    )
+@settings(deadline=None, max_examples=20)
+@given(st.lists(st.tuples(st.sampled_from(SIMPLE), moments), min_size=1, max_size=4))
+@example([("constant", LISTENED + 2), ("dynamic", 0)])
+@example([("constant", LISTENED + 2), ("none", 0), ("constant", 0)])
+@example([("constant", 100), ("dynamic", 0)])
+def test_whoever_is_selected_and_whenever_there_is_no_jump_on_the_way_to_the_last(
+    changes: list[tuple[str, int]],
+) -> None:
+    stream, tool = compensation("none"), (texture(4.0) - GRAVITY).tolist()
+    found: list[float] = []
+    for name, samples in [*changes, (changes[-1][0], 1500)]:
+        stream.select(name)
+        assert stream.controller == name
+        found += forces(stream, tool[len(found) : len(found) + samples])
+    each = np.array([forces(compensation(name), tool[: len(found)]) for name in SIMPLE])
+    low, high = each.min(axis=0) - 1e-3, each.max(axis=0) + 1e-3
+    assert ((low <= found) & (found <= high)).all()
+    apart = (high - low) / FADED
+    steps = np.abs(np.diff(each)).max(axis=0) + np.maximum(apart[1:], apart[:-1])
+    assert (np.abs(np.diff(found)) <= steps).all()
+    assert found[-900:] == pytest.approx(each[SIMPLE.index(name)][-900:], abs=1e-3)
 
 
 def test_a_name_that_is_none_cannot_be_selected_and_changes_nothing() -> None:
@@ -601,11 +563,6 @@ def test_muting_changes_nothing_for_who_is_asleep() -> None:
     assert forces(waited, tool) == forces(new, tool)
 
 
-def answers(stream: OneCoil, tool: FloatArray) -> FloatArray:
-    """Return desired accelerations and forces for a tool, without a handle's acceleration."""
-    return np.array([stream.sample(float(each), None) for each in tool])
-
-
 @pytest.mark.parametrize("controller", CONTROLLERS)
 def test_a_gain_that_returned_to_one_leaves_no_trace(controller: str) -> None:
     tool = texture(0.5)
@@ -625,16 +582,17 @@ def test_a_gain_scales_desired_acceleration_and_force() -> None:
 
 
 @pytest.mark.parametrize("controller", ["inverse", "adaptive", "feedback"])
-@pytest.mark.parametrize("gain", [0.5, 1.5])
-def test_a_handle_moves_in_proportion_to_the_gain(controller: str, gain: float) -> None:
+def test_a_handle_moves_in_proportion_to_the_gain(controller: str) -> None:
     def moved(gain: float) -> FloatArray:
         stream = compensation(controller)
         return on_handle(stream, tool, {0: (stream.set_gain, gain)})[1000:]
 
     tool = GRAVITY + 0.5 * (texture(2.5) - GRAVITY)
-    np.testing.assert_allclose(moved(gain)[:, 0], gain * moved(1.0)[:, 0], atol=1e-9)
-    force, whole = moved(gain)[:, 1], moved(1.0)[:, 1]
-    assert np.std(force - gain * whole) <= 0.2 * gain * np.std(whole)
+    whole = moved(1.0)
+    for gain in (0.5, 1.5):
+        found = moved(gain)
+        np.testing.assert_allclose(found[:, 0], gain * whole[:, 0], atol=1e-9)
+        assert np.std(found[:, 1] - gain * whole[:, 1]) <= 0.2 * gain * np.std(whole[:, 1])
 
 
 @pytest.mark.parametrize("controller", ["inverse", "adaptive", "feedback"])

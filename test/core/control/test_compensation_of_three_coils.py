@@ -406,13 +406,11 @@ def test_a_coil_is_braked_before_its_stop() -> None:
 def test_of_a_tool_sample_with_a_bad_component_nothing_is_felt(bad: float, axis: int) -> None:
     stream, clean = compensation("inverse"), compensation("inverse")
     for index, tool in enumerate(textures(0.2)):
-        given = [*vector(tool)]
-        given[axis] = bad
-        spoilt = index % 20 == 5
         handle = (0.0, 0.0, 0.01 * (index % 2))
-        assert stream.process(
-            (given[0], given[1], given[2]) if spoilt else vector(tool), handle
-        ) == clean.process(ZERO if spoilt else vector(tool), handle)
+        expected = clean.process(ZERO if index % 20 == 5 else vector(tool), handle)
+        if index % 20 == 5:
+            tool[axis] = bad
+        assert stream.process(vector(tool), handle) == expected
     assert (stream.rejected, stream.untrusted) == (10, 0)
 
 
@@ -426,9 +424,9 @@ def test_of_a_handle_sample_with_a_bad_component_nothing_is_believed(
         stream = compensation(controller)
         felt: Vector | None = None
         if bad is not None:
-            components = [1.0, 2.0, 3.0]
+            components = np.array([1.0, 2.0, 3.0])
             components[axis] = bad
-            felt = (components[0], components[1], components[2])
+            felt = vector(components)
         outputs.append([stream.process(vector(each), felt) for each in textures(0.2)])
         assert stream.untrusted + stream.rejected == 199  # the first one is no motion
     assert outputs[0] == outputs[1] == outputs[2]
