@@ -85,9 +85,6 @@ ROS_USERS: dict[str, set[str]] = {
 }
 """Modules outside ``nodes`` that import something of ROS 2, and what."""
 
-KNOWN: set[tuple[str, str]] = set()
-"""Imports (importer, imported) that break a rule for now; one that no longer does must go."""
-
 Import = tuple[str, str]
 
 
@@ -180,11 +177,11 @@ def circles(graph: Mapping[str, Iterable[str]]) -> list[list[str]]:
     return found
 
 
-def arrows(folder: str, exempt: Iterable[Import] = KNOWN) -> dict[str, set[str]]:
+def arrows(folder: str) -> dict[str, set[str]]:
     """Return which files and folders directly in a folder import which others there."""
     depth = folder.count(".") + 2
     graph: dict[str, set[str]] = {}
-    for importer, imported in set(inside()) - set(exempt):
+    for importer, imported in inside():
         if within(importer, folder) and within(imported, folder):
             ends = [".".join(module.split(".")[:depth]) for module in (importer, imported)]
             if ends[0] != ends[1] and folder not in ends:
@@ -197,7 +194,7 @@ def test_every_folder_has_its_rule() -> None:
 
 
 def test_imports_point_down() -> None:
-    assert sorted(broken() - KNOWN) == []
+    assert sorted(broken()) == []
 
 
 @pytest.mark.parametrize("name", APART)
@@ -237,14 +234,7 @@ def test_only_kits_import_the_names_of_the_root() -> None:
                     assert {each.name for each in node.names} <= LOADING | folders, module
 
 
-def closes_a_circle(pair: Import) -> bool:
-    own = (folder for folder in FOLDERS if within(pair[0], folder))
-    return pair[0] in MODULES and any(circles(arrows(each, KNOWN - {pair})) for each in own)
-
-
 def test_no_exception_is_out_of_date() -> None:
-    needed = {pair for pair in KNOWN if pair in broken() or closes_a_circle(pair)}
-    assert sorted(KNOWN - needed) == [], "remove these from KNOWN"
     used = {(importer, imported.split(".")[0]) for importer, imported in imports()}
     unused = {
         module
@@ -274,19 +264,15 @@ def loaded_by(statements: str) -> set[str]:
     return set(json.loads(done.stdout.splitlines()[-1]))
 
 
-def test_reading_bags_needs_neither_ros_nor_nodes_and_leaves_the_environment() -> None:
+def test_neither_reading_bags_nor_the_drivers_names_need_ros_or_change_the_environment() -> None:
     rooms = {"core", "bags", "analysis"}
     wanted = sorted(module for module in MODULES if room(module) in rooms)
     loaded = loaded_by(
         f"before = dict(os.environ); import {', '.join(wanted)}\n"
+        f"from {PACKAGE}.devices import MASTERS\n"
         "assert dict(os.environ) == before, 'the environment was changed'"
     )
     assert {name for name in loaded if within(name, f"{PACKAGE}.nodes")} == set()
-    assert {name for name in loaded if name.split(".")[0] in ROS} == set()
-
-
-def test_devices_load_ros_only_when_they_are_opened() -> None:
-    loaded = loaded_by(f"from {PACKAGE}.devices import MASTERS")
     assert {name for name in loaded if name.split(".")[0] in ROS} == set()
 
 
@@ -297,19 +283,16 @@ def test_the_package_alone_loads_nothing_else() -> None:
     assert {name for name in loaded if within(name, PACKAGE)} == {PACKAGE}
 
 
-OF_GRAPH = ["setup.processes", "nodes.master_device", "nodes.coupler", "nodes.recorder"]
-
-
 @pytest.mark.skipif(find_spec("rclpy") is None, reason="ROS 2 is not installed")
-@pytest.mark.parametrize("module", OF_GRAPH)
-def test_a_graph_starts_without_what_takes_long_to_load(module: str) -> None:
-    loaded = loaded_by(f"import {PACKAGE}.{module}")
+def test_a_graph_starts_without_what_takes_long_to_load() -> None:
+    modules = ["setup.processes", "nodes.master_device", "nodes.coupler", "nodes.recorder"]
+    loaded = loaded_by("\n".join(f"import {PACKAGE}.{module}" for module in modules))
     assert loaded & {"scipy.signal", "scipy.stats", "scipy.optimize", "pandas"} == set()
 
 
-@pytest.mark.parametrize("command", ["experiment", "identify", "bench"])
-def test_a_command_loads_what_draws_when_it_draws(command: str) -> None:
-    assert "matplotlib" not in loaded_by(f"import {PACKAGE}.cli.{command}")
+def test_commands_load_what_draws_when_they_draw() -> None:
+    loaded = loaded_by(f"from {PACKAGE}.cli import experiment, identify, bench")
+    assert "matplotlib" not in loaded
 
 
 def test_a_script_begins_when_all_of_its_file_is_known() -> None:
