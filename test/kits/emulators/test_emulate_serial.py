@@ -10,6 +10,7 @@ import math
 import shlex
 import signal
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -140,13 +141,11 @@ def test_boards_of_a_handle_with_three_coils_are_driven_along_each(
     own = [each for each in nodes["master_device"].items() if each[0].startswith("serial.")]
     values = {name.removeprefix("serial."): value for name, value in own}
     handle = SerialMaster(from_flat(SerialMasterParameters, values), RATE, 0)
-    handle.open()
-    try:
+    with closing(handle):
+        handle.open()
         assert handle.axes == ALL_AXES
         loudest = [np.argmax(vibration(handle, axis)) for axis in ALL_AXES.names]
         assert loudest == list(ALL_AXES.indices)
-    finally:
-        handle.close()
     assert boards.end(signal.SIGINT) == 0, boards.text
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 
 import pytest
@@ -67,14 +67,11 @@ def test_two_hosts_couple_stop_and_lose_each_other(hosts: Hosts, tmp_path: Path)
     graphs["slave"] = hosts.teleop("slave", "bag:=bag")
     for graph in graphs.values():
         graph.wait_for("engaged$")
-    observers = {side: Observer(hosts.domains[side]) for side in SIDES}
-    try:
-        _exchange(observers)
+    with ExitStack() as stack:
+        own = {side: closing(Observer(hosts.domains[side])) for side in SIDES}
+        _exchange({side: stack.enter_context(each) for side, each in own.items()})
         _stop_and_release(hosts, graphs)
         _kill_and_return(hosts, graphs)
-    finally:
-        for observer in observers.values():
-            observer.close()
     for graph in graphs.values():
         assert graph.end(signal.SIGINT) == 0, graph.text
     following = f"next: haptic-accel analyze {tmp_path / 'bag'} PEERS_BAG"

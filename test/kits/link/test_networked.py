@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -74,21 +74,18 @@ def test_the_delay_between_the_arms_is_the_one_asked_for(domain: int, tmp_path: 
         reserved_domain() as other,
         networked_graph(arguments, ChannelParameters(DELAY), slave_domain=other) as networked,
         running(Supervisor(networked.processes, lambda _, line: lines.append(line))) as outcomes,
+        closing(Observer(domain)) as one,
+        closing(Observer(other)) as two,
     ):
-        observers = [Observer(each) for each in (domain, other)]
-        try:
-            for observer in observers:
-                observer.status("coupler", least={"packets received": 500}, engaged="true")
-            relay = networked.relay
-            changes = (0.08, relay.change), (0.0, relay.reconnect), (DELAY, relay.change)
-            for delay, change in changes:
-                change(ChannelParameters(delay))
-                for observer in observers:
-                    wait_until(partial(near, observer, delay), "\n".join(lines))
-                    observer.status("coupler", engaged="true")
-        finally:
-            for observer in observers:
-                observer.close()
+        for observer in (one, two):
+            observer.status("coupler", least={"packets received": 500}, engaged="true")
+        relay = networked.relay
+        changes = (0.08, relay.change), (0.0, relay.reconnect), (DELAY, relay.change)
+        for delay, change in changes:
+            change(ChannelParameters(delay))
+            for observer in (one, two):
+                wait_until(partial(near, observer, delay), "\n".join(lines))
+                observer.status("coupler", engaged="true")
     (outcome,) = outcomes
     assert not outcome.failed, "\n".join(lines)
     assert {f"link@{other}", "link"} < set(outcome.statuses)
@@ -104,10 +101,9 @@ def test_domains_with_nodes_are_not_taken() -> None:
     from haptic_accel.kits.link.datagrams import LINK, LocalEnd
 
     own = int(os.environ.get("ROS_DOMAIN_ID") or 0)
-    end = LocalEnd(LINK, own + 1, "/of_a_test")
-    try:
-        with networked_graph(GraphArguments(record=False), ChannelParameters()) as networked:
-            assert networked.slave_domain not in (own, own + 1)
-            assert {each.domain for each in networked.processes} == {None, networked.slave_domain}
-    finally:
-        end.close()
+    with (
+        closing(LocalEnd(LINK, own + 1, "/of_a_test")),
+        networked_graph(GraphArguments(record=False), ChannelParameters()) as networked,
+    ):
+        assert networked.slave_domain not in (own, own + 1)
+        assert {each.domain for each in networked.processes} == {None, networked.slave_domain}
