@@ -263,7 +263,7 @@ def stop_in_a_stall(port: int, token: str, server: int) -> float:
 def _run_node(sending: Connection) -> None:
     """Send a signal of a graph, and tell when the stop is signalled."""
     from haptic_accel.core.process import EMERGENCY
-    from haptic_accel.graph.locks import lock_signal
+    from haptic_accel.graph.domain import lock_signal
 
     signal.signal(EMERGENCY, lambda *_: sending.send(time.monotonic()))
     with lock_signal(DOMAIN, "/master/servo_cf"):

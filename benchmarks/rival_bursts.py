@@ -35,7 +35,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.cdr import StampedVector
 from haptic_accel.core.topics import Topic
 from haptic_accel.devices import MASTERS, SimulatedMaster
-from haptic_accel.graph.middleware import middleware_defaults
+from haptic_accel.graph.domain import middleware_defaults
 from haptic_accel.nodes import master_device
 from haptic_accel.nodes.supervised_node import message_type, offered_quality
 

@@ -21,7 +21,7 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, read_decimal, read_whole
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, SAME_RATE, grid_indices, on_grid
 from haptic_accel.core.tick.device_side import LATE_TIME, LONGEST, PAST_TICK
-from haptic_accel.core.tick.histogram import QUANTILES
+from haptic_accel.core.tick.watching import QUANTILES
 
 AGE_OF = "actuator force"
 """Command whose age is reported, as users perceive this force."""

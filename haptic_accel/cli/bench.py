@@ -28,8 +28,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import ENGAGED, INTERRUPTED, OVER
 from haptic_accel.core.tables import ResultTable, Row
 from haptic_accel.core.tick import PLAIN, TICK
-from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
-from haptic_accel.graph.middleware import check_ros
+from haptic_accel.graph.domain import HIGHEST_FREE_DOMAIN, check_ros
 from haptic_accel.graph.stop_signal import DOMAIN, own_domain
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.setup.arguments import GraphArguments, check_both_arms, parse_arguments

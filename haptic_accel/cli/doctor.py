@@ -31,8 +31,8 @@ from haptic_accel.core.tick import COMPILED, TICK
 from haptic_accel.devices import audio
 from haptic_accel.devices.interface import DeviceError
 from haptic_accel.graph import machine
+from haptic_accel.graph.domain import INSTALL_ROS, has_ros
 from haptic_accel.graph.machine import Finding
-from haptic_accel.graph.middleware import INSTALL_ROS, has_ros
 from haptic_accel.setup import files
 from haptic_accel.setup.arguments import POINTER
 

@@ -15,7 +15,7 @@ import click
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.output import StoppedError
 from haptic_accel.core.parameters import one_line, parameter
-from haptic_accel.graph.middleware import NEEDS_ROS, has_ros
+from haptic_accel.graph.domain import NEEDS_ROS, has_ros
 from haptic_accel.graph.stop_signal import PendingStop, Signalled, age, own_domain, stop_graphs
 from haptic_accel.setup.words import NamespaceArguments
 

@@ -29,7 +29,7 @@ from haptic_accel.cli.workers import Stop, Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.locks import sole_graph
+from haptic_accel.graph.domain import sole_graph
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.setup import arguments as names
 from haptic_accel.setup.processes import arrangement, graph

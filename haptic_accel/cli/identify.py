@@ -31,7 +31,7 @@ from haptic_accel.core.identification.fit import check_free
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.devices.audio import AUDIO
-from haptic_accel.graph.locks import sole_graph
+from haptic_accel.graph.domain import sole_graph
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.setup import files
 from haptic_accel.setup.arguments import SIMULATED, IdentifyArguments, assigned

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 import rclpy
 
 from haptic_accel.cli.output import StoppedError
-from haptic_accel.graph.middleware import check_middleware, middleware_defaults
+from haptic_accel.graph.domain import check_middleware, middleware_defaults
 from haptic_accel.nodes.service_client import RequestError, ServiceClient
 
 TIMEOUT = 5.0

@@ -18,7 +18,7 @@ from click.shell_completion import CompletionItem
 from haptic_accel.cli.commands import write_examples
 from haptic_accel.cli.output import StoppedError, check_writable
 from haptic_accel.core.parameters import Checked, read_decimal, schema, suggestion
-from haptic_accel.graph.middleware import NEEDS_ROS, ROS_PACKAGES
+from haptic_accel.graph.domain import NEEDS_ROS, ROS_PACKAGES
 from haptic_accel.setup.words import described, group, parse_assignments
 
 F = TypeVar("F", bound=Callable[..., Any])

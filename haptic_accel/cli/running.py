@@ -23,7 +23,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from haptic_accel.cli.output import GONE, StoppedError, drop_output, next_command
 from haptic_accel.core import process
 from haptic_accel.core.parameters import printable
-from haptic_accel.graph.locks import sole_graph
+from haptic_accel.graph.domain import sole_graph
 from haptic_accel.graph.stop_signal import hurry
 from haptic_accel.graph.supervisor import Outcome, Supervisor
 from haptic_accel.setup.processes import Process, arrangement

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # fmt: off
-from haptic_accel.graph.locks import sole_graph as sole_graph
+from haptic_accel.graph.domain import sole_graph as sole_graph
 from haptic_accel.graph.networked import (RelayError as RelayError, RelayProcess as RelayProcess,
     networked_graph as networked_graph)
 from haptic_accel.graph.relaying import (RELAY_PRIORITY as RELAY_PRIORITY,

@@ -29,8 +29,8 @@ from launch_ros.parameter_descriptions import ParameterValue
 from haptic_accel.core.parameters import suggestion
 from haptic_accel.core.process import EMERGENCY, WELL
 from haptic_accel.core.topics import JOINT_STATE_RATE
+from haptic_accel.graph.domain import sole_graph
 from haptic_accel.graph.frames import Frame, description, frames_at_rest
-from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import KILLING, LAST_END, LATE_END, QUIET_END
 from haptic_accel.setup.processes import RESPAWN_DELAY, Process, arrangement
 from haptic_accel.setup.words import MOVED, NamespaceArguments, assigned_keys, unknown_key

@@ -18,8 +18,7 @@ from typing import Any, Literal
 
 from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.core.tick.device_side import IN_TIME, MISSED_SHARE
-from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
-from haptic_accel.graph.middleware import DISCOVERY_RANGE, LOOPBACK_PROFILE
+from haptic_accel.graph.domain import DISCOVERY_RANGE, HIGHEST_FREE_DOMAIN, LOOPBACK_PROFILE
 
 LITTLE_SHARED_MEMORY = 32.0
 """Free shared memory below which the middleware may run out of memory, MB."""

@@ -20,7 +20,7 @@ from haptic_accel.core.coupling.engagement import EngagementParameters
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import module_command
-from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
+from haptic_accel.graph.domain import HIGHEST_FREE_DOMAIN
 from haptic_accel.graph.relaying import CHANGED, PORTS, assignments_of
 from haptic_accel.graph.stop_signal import own_domain, used_domains
 from haptic_accel.links import bound

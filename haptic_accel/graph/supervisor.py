@@ -31,7 +31,7 @@ from haptic_accel.core.process import (
     read_event,
     signals,
 )
-from haptic_accel.graph.middleware import check_ros
+from haptic_accel.graph.domain import check_ros
 from haptic_accel.graph.stop_signal import DOMAIN
 from haptic_accel.setup.processes import RESPAWN_DELAY, Process
 

@@ -41,7 +41,7 @@ from haptic_accel.core.parameters import (
 from haptic_accel.core.tick import TICK
 from haptic_accel.core.topics import BUNDLES, DESCRIPTION, DIAGNOSTICS, SIGNALS, Topic
 from haptic_accel.devices.rclpy_internals import TAKES, bytes_publisher
-from haptic_accel.graph.locks import lock_signal
+from haptic_accel.graph.domain import lock_signal
 from haptic_accel.nodes import signals
 from haptic_accel.nodes.supervised_node import DEPTH, SupervisedNode, message_type
 from haptic_accel.nodes.timing import scheduling_class

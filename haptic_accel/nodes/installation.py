@@ -18,8 +18,8 @@ from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.core.topics import SIGNALS
 from haptic_accel.devices.rclpy_internals import EventsExecutor
 from haptic_accel.graph import machine
+from haptic_accel.graph.domain import middleware_defaults
 from haptic_accel.graph.machine import Finding
-from haptic_accel.graph.middleware import middleware_defaults
 from haptic_accel.graph.stop_signal import DOMAIN
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.nodes.timing import empty_loop, sharpen_timers

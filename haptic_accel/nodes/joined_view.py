@@ -22,7 +22,7 @@ from std_srvs.srv import Trigger
 
 from haptic_accel.core.topics import DEVICES
 from haptic_accel.devices.rclpy_internals import EventsExecutor
-from haptic_accel.graph.middleware import check_middleware, middleware_defaults
+from haptic_accel.graph.domain import check_middleware, middleware_defaults
 from haptic_accel.nodes import graph_requests
 from haptic_accel.nodes.graph_view import GraphView
 from haptic_accel.nodes.scheduling import POLL_PERIOD

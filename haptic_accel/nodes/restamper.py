@@ -21,7 +21,7 @@ from std_msgs.msg import Bool
 from haptic_accel.core import topics
 from haptic_accel.core.model import Vector
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.tick.histogram import DurationHistogram
+from haptic_accel.core.tick.watching import DurationHistogram
 from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS, Topic
 from haptic_accel.devices.interface import DeviceError
 from haptic_accel.nodes.graph_node import GraphNode

@@ -27,7 +27,7 @@ from haptic_accel.core import process
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices.interface import DeviceError
 from haptic_accel.devices.rclpy_internals import TAKES, EventsExecutor, prepare_logging
-from haptic_accel.graph.middleware import check_middleware, middleware_defaults
+from haptic_accel.graph.domain import check_middleware, middleware_defaults
 from haptic_accel.nodes.supervised_node import WIRES, SupervisedNode, unblock_standard_streams
 from haptic_accel.nodes.timing import FORCE_PRIORITY, ask_for_realtime, schedule, sharpen_timers
 

@@ -13,7 +13,7 @@ from functools import partial
 
 from haptic_accel.core.outside import OutsideError, main_of, node_module
 from haptic_accel.core.process import DONE
-from haptic_accel.graph.middleware import NEEDS_ROS, has_ros
+from haptic_accel.graph.domain import NEEDS_ROS, has_ros
 
 
 def __getattr__(node: str) -> Callable[[], None]:

@@ -28,7 +28,7 @@ from typing import Any
 from haptic_accel.core.process import REALTIME, module_command
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick.device_side import FLOWING, IN_TIME
-from haptic_accel.core.tick.histogram import DurationHistogram
+from haptic_accel.core.tick.watching import DurationHistogram
 
 FORCES_TIME, RECEIVING_TIME = 60e-6, 50e-6
 """Time per device of a process from the start of a tick until its forces are written, s, and

@@ -22,8 +22,8 @@ from ament_index_python.packages import PackageNotFoundError
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import WELL
 from haptic_accel.core.topics import SIGNALS
+from haptic_accel.graph.domain import sole_graph
 from haptic_accel.graph.frames import description as description_text
-from haptic_accel.graph.locks import sole_graph
 from haptic_accel.materials.folders import share_folder
 from haptic_accel.nodes.scheduling import TEARDOWN
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments, parse_arguments

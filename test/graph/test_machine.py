@@ -11,8 +11,8 @@ import psutil
 import pytest
 
 from haptic_accel.graph import machine
+from haptic_accel.graph.domain import middleware_defaults
 from haptic_accel.graph.machine import Finding
-from haptic_accel.graph.middleware import middleware_defaults
 from running import called
 
 # CapEff of a privileged shell and of a Docker container with its default capabilities.

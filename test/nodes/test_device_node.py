@@ -35,7 +35,7 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import MASTERS, DeviceError, Sample
 from haptic_accel.devices.simulated import SimulatedMaster
-from haptic_accel.graph.locks import lock_signal
+from haptic_accel.graph.domain import lock_signal
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.master_device import build_master_device

@@ -15,7 +15,7 @@ from tempfile import mkdtemp
 
 import pytest
 
-from haptic_accel.graph.middleware import NEEDS_ROS
+from haptic_accel.graph.domain import NEEDS_ROS
 
 SOURCE = Path(__file__).resolve().parents[2]
 

@@ -191,7 +191,7 @@ def ended_one_by_one(
 def use_domain(environment: pytest.MonkeyPatch, domain: int) -> None:
     """Give this process and its children a ROS domain with the users' defaults."""
     # Imported here, as only tests with a graph need it.
-    from haptic_accel.graph.middleware import VARIABLES, middleware_defaults
+    from haptic_accel.graph.domain import VARIABLES, middleware_defaults
 
     for variable in VARIABLES:
         environment.delenv(variable, raising=False)
@@ -373,7 +373,7 @@ def nodes_of(domain: int) -> dict[str, int]:
 def sending(domain: int, topic: str, prepare: str = "") -> Iterator[subprocess.Popen[bytes]]:
     """Block a signal in another process."""
     text = (
-        f"import signal; {prepare}from haptic_accel.graph.locks import lock_signal;"
+        f"import signal; {prepare}from haptic_accel.graph.domain import lock_signal;"
         f" lock = lock_signal({domain}, {topic!r}); print(flush=True); signal.pause()"
     )
     with subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE) as process:

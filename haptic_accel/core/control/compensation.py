@@ -27,7 +27,7 @@ from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.tick import LARGEST_ACCELERATION as LARGEST_ACCELERATION
 from haptic_accel.core.tick import HandleCompensation, Trace, VectorConvolution
-from haptic_accel.core.tick.histogram import DurationHistogram
+from haptic_accel.core.tick.watching import DurationHistogram
 
 AT_RANGE = 0.999
 """Fraction of full scale above which a handle sample counts as saturated, as converters differ."""

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.actuator import MAX_AGE
 from haptic_accel.core.model import LATER, ZERO
-from haptic_accel.core.tick.histogram import DurationHistogram
 from haptic_accel.core.tick.kernels import INFINITE
 from haptic_accel.core.tick.limits import ActuatorLimit, ArmLimit, SafetyLayer
 from haptic_accel.core.tick.rigs import SimulatedArm
 from haptic_accel.core.tick.samples import ArmSample, ArmWork, TimedForce
+from haptic_accel.core.tick.watching import DurationHistogram
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection

@@ -13,7 +13,6 @@ import pytest
 from scipy import signal
 from scipy.io import wavfile
 
-from haptic_accel.bags.trial_bag import write_trial
 from haptic_accel.core.parameters import from_flat, warn_once
 from haptic_accel.core.rig.slave_rig import SlaveRigParameters, SurfaceParameters
 from haptic_accel.core.simulated_rig import RigParameters
@@ -22,6 +21,7 @@ from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.materials.texture_files import read_texture
 from haptic_accel.setup.files import surface_parameters
+from haptic_accel.setup.lockstep import write_trial
 from refusals import assert_refused, rows, written
 from verbs import ODD_NAMES, next_command, output_of, refusal, status_of
 

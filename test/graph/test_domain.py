@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sockets of a graph's nodes, and the effect of the user's environment on them."""
+"""Settings of the middleware, and locks in a ROS domain."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ import json
 import os
 import pwd
 import re
+import signal
 import subprocess
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.middleware import (
+from haptic_accel.core.topics import MASTER_ARM_FORCE
+from haptic_accel.graph.domain import (
     DISCOVERY_RANGE,
     LOOPBACK_PROFILE,
     NEEDS_ROS,
@@ -26,11 +29,13 @@ from haptic_accel.graph.middleware import (
     VARIABLES,
     check_middleware,
     check_ros,
+    lock_signal,
     middleware_defaults,
+    sole_graph,
 )
 from nightly import rest_slow
 from observing import Observer
-from running import Start, python
+from running import Start, python, sending
 from verbs import refusal
 
 HOME = {"HOME": "/home/user"}
@@ -194,3 +199,72 @@ def test_doctor_reports_that_ros_is_not_installed(tmp_path: Path) -> None:
 def test_an_installed_ros_passes() -> None:
     pytest.importorskip("rclpy")
     check_ros()
+
+
+TOPIC = f"/{MASTER_ARM_FORCE.name}"
+
+pytestmark = pytest.mark.quiet
+
+
+def test_a_signal_has_one_sender_until_that_ends_in_whatever_way(domain: int) -> None:
+    with sending(domain, TOPIC) as process:
+        with pytest.raises(ParameterError) as refused:
+            lock_signal(domain, TOPIC)
+        line = str(refused.value)
+        assert f"ROS domain {domain}: has a sender of {TOPIC} already" in line
+        assert f", process {process.pid} (" in line
+        assert line.endswith("; stop it, or set another namespace or ROS_DOMAIN_ID")
+        for _ in range(200):  # more often than it tells whose it is
+            with pytest.raises(ParameterError, match="already"):
+                lock_signal(domain, TOPIC)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        lock_signal(domain, TOPIC).close()
+
+
+def test_other_domains_signals_and_namespaces_are_free(domain: int) -> None:
+    long = f"/{'n' * 200}{TOPIC}"
+    with (
+        closing(lock_signal(domain, TOPIC)),
+        closing(lock_signal(domain, f"/left{TOPIC}")),
+        closing(lock_signal(domain, long)),
+        closing(lock_signal(domain + 1, TOPIC)),
+        pytest.raises(ParameterError),
+    ):
+        lock_signal(domain, long)
+
+
+def test_a_graph_is_alone_in_its_namespace(domain: int) -> None:
+    with sole_graph(""), sole_graph("/left"):
+        for namespace, line in (("", "has a graph already"), ("/left", "has a graph in /left")):
+            with pytest.raises(ParameterError, match=line), sole_graph(namespace):
+                pass
+    with sole_graph(""):
+        pass
+    for namespace in ("", "/left"):
+        topic = f"{namespace}{TOPIC}"
+        with (
+            sending(domain, topic),
+            pytest.raises(ParameterError, match=f"sender of {topic}"),
+            sole_graph(namespace),
+        ):
+            pass
+        with sending(domain, topic), sole_graph("/right"):
+            pass
+
+
+@pytest.mark.usefixtures("here")
+def test_nodes_and_graphs_refuse_to_send_what_another_sends(start: Start, domain: int) -> None:
+    coupler = start("-m", "haptic_accel.nodes.coupler")
+    coupler.wait_for("waiting")
+    said = f"has a sender of {TOPIC} already, process {coupler.process.pid} "
+    second = start("-m", "haptic_accel.nodes.coupler")
+    # A whole number will do for a real one.
+    words = ("--ros-args", "-r", "__ns:=/left", "-p", "k_m:=300")
+    elsewhere = start("-m", "haptic_accel.nodes.coupler", *words)
+    assert second.end() == 2, second.text
+    assert second.lines[-1].startswith(f"coupler: ROS domain {domain}: {said}"), second.text
+    elsewhere.wait_for("waiting")
+    for verb in (["teleop"], ["identify", "--out", "a"], ["experiment", "--out", "b"]):
+        assert said in refusal(*verb)
+    assert elsewhere.end(signal.SIGINT) == coupler.end(signal.SIGINT) == 0
