@@ -153,7 +153,7 @@ setup(
         "rich>=13.7",
         "click>=8.1",
         "jinja2>=3.1",
-        # What bags/rosbags_adapter.py imports is in these versions.
+        # The undocumented names that bags/metadata.py imports are in these versions.
         "rosbags>=0.11.9,<0.12",
         # As rosbags has them, for bags that are read by chunks.
         "backports.zstd>=1.0; python_version<'3.14'",

@@ -25,7 +25,7 @@ BUDGETS = {
     "kits/study": 3_858,
     "devices": 4_057,
     "cli": 2_976,
-    "bags": 2_686,
+    "bags": 2_682,
     "scope": 1_358,
     "setup": 1_601,
     "materials": 1_356,

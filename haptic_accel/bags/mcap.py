@@ -22,11 +22,11 @@ from zlib import crc32
 
 import numpy as np
 import numpy.typing as npt
+from lz4 import frame as lz4  # type: ignore[import-untyped]
 
 from haptic_accel.bags import mcap_format as mcap
-from haptic_accel.bags.expanding import LARGEST_FILE, LARGEST_RECORD, Allowance
+from haptic_accel.bags.compression import LARGEST_FILE, LARGEST_RECORD, Allowance, zstd
 from haptic_accel.bags.mcap_format import MAGIC, NEVER, RECORD, Channel, Schema, Tally
-from haptic_accel.bags.rosbags_adapter import lz4, zstd
 from haptic_accel.core.document import load_yaml, texts_of
 from haptic_accel.core.files import opened
 from haptic_accel.core.sampling import IntArray

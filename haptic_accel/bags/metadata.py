@@ -21,13 +21,13 @@ import yaml
 from rosbags import interfaces
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
 from rosbags.rosbag2 import ReaderError
+from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos  # undocumented: see setup.py
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from haptic_accel.bags.folder import METADATA
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, McapFile
 from haptic_accel.bags.mcap_format import NEVER, Channel, Tally, read_text_map
-from haptic_accel.bags.rosbags_adapter import dump_qos_v9, parse_qos
 from haptic_accel.core.document import Document, load_yaml, texts_of
 from haptic_accel.core.files import read_bytes, replace_file
 from haptic_accel.core.parameters import Specification, one_line

@@ -24,7 +24,7 @@ import numpy as np
 
 from haptic_accel.bags import file_order
 from haptic_accel.bags import folder as folders
-from haptic_accel.bags.expanding import ZSTD, Allowance, decompressed_file, decompressed_message
+from haptic_accel.bags.compression import ZSTD, Allowance, decompressed_file, decompressed_message
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, MOST_PROBLEMS, Block, McapFile
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata, types_store
 from haptic_accel.bags.timeline import Arrivals, Timeline, timeline

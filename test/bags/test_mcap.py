@@ -16,7 +16,7 @@ from mcap.stream_reader import StreamReader
 
 import damaged
 from bag_maker import START, STRING
-from haptic_accel.bags.expanding import LARGEST_RECORD
+from haptic_accel.bags.compression import LARGEST_RECORD
 from haptic_accel.bags.metadata import connection
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.bags.recording_options import RecordingOptions

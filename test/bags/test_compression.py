@@ -17,7 +17,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from bag_maker import STRING, Message, write_messages
 from damaged import CHUNKS, MAGIC
 from fuzzing import measured
-from haptic_accel.bags.expanding import ALWAYS, LARGEST_RECORD
+from haptic_accel.bags.compression import ALWAYS, LARGEST_RECORD
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.parameters import ParameterError
 

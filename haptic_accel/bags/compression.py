@@ -1,14 +1,20 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Decompression of bags with a limit on the expanded size."""
+"""Decompression of bags, by the libraries of rosbags, with a limit on the expanded size."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
-from haptic_accel.bags.rosbags_adapter import zstd
 from haptic_accel.core.files import opened
+
+if sys.version_info >= (3, 14):
+    from compression import zstd as zstd
+else:
+    from backports import zstd as zstd  # the library of rosbags
+
 
 LARGEST_RECORD = 1 << 26
 """Maximum size of a record, chunk or message, bytes; rosbag2's chunks have 768 KiB."""
