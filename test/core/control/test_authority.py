@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 import pytest
+from band_noise import band_noise
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import signal
 
 from haptic_accel.core.control.authority import (
     FAINTEST,
@@ -39,10 +39,7 @@ few = settings(deadline=None, max_examples=20)
 
 
 def texture(seconds: float, rms: float = 2.0, seed: int = 0, rate: float = RATE) -> FloatArray:
-    noise = np.random.default_rng(seed).standard_normal(round(seconds * rate))
-    band = signal.butter(2, [40.0, 300.0], "band", fs=rate, output="sos")
-    found = signal.sosfilt(band, noise)
-    return np.asarray(found * (rms / np.std(found)))
+    return band_noise(40.0, 300.0, seconds, rms, seed=seed, rate=rate)
 
 
 def run(

@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from band_noise import band_noise
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -106,9 +107,7 @@ def forces(of: OneCoil, tool_acceleration: list[float]) -> list[float]:
 
 def texture(seconds: float) -> FloatArray:
     """Return noise from 60 to 200 Hz, 1.5 m/s^2 RMS, under gravity."""
-    noise = np.random.default_rng(1).normal(size=round(seconds * RATE))
-    passed = signal.sosfilt(signal.butter(2, [60, 200], "bandpass", fs=RATE, output="sos"), noise)
-    return GRAVITY + 1.5 * passed / passed.std()
+    return GRAVITY + band_noise(60.0, 200.0, seconds, 1.5)
 
 
 # Ordinary samples

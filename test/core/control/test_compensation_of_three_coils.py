@@ -13,9 +13,9 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from band_noise import band_noise
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import signal
 from scipy.spatial.transform import Rotation
 
 from haptic_accel.core.actuator import ActuatorParameters
@@ -83,10 +83,7 @@ UNCOUPLED = MatrixPlant(UNEQUAL, np.eye(3)[:, :, np.newaxis], RATE)
 
 def textures(seconds: float, seed: int = 1) -> FloatArray:
     """Return three independent textures, 1.5 m/s^2 RMS each, without gravity."""
-    noise = np.random.default_rng(seed).normal(size=(round(seconds * RATE), 3))
-    band = signal.butter(2, [30, 250], "bandpass", fs=RATE, output="sos")
-    passed = signal.sosfilt(band, noise, axis=0)
-    return np.asarray(1.5 * passed / passed.std(axis=0))
+    return band_noise(30.0, 250.0, seconds, 1.5, seed=seed, axes=(3,))
 
 
 class Handle:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from band_noise import band_noise
 from scipy import signal
 
 from haptic_accel.core.actuator import ActuatorParameters
@@ -26,10 +27,7 @@ LATE = Plant(mount=MountParameters(280.0, 0.127), delay=225e-6).coupled().delaye
 
 def texture(low: float, rms: float) -> FloatArray:
     """Return 4 s of noise between a frequency in Hz and six times it, m/s^2."""
-    noise = np.random.default_rng(3).standard_normal(4000)
-    band = signal.butter(2, [low, min(400.0, 6 * low)], "band", fs=RATE, output="sos")
-    found = signal.sosfilt(band, noise)
-    return np.asarray(found * rms / found.std())
+    return band_noise(low, min(400.0, 6 * low), 4.0, rms, seed=3)
 
 
 @pytest.mark.parametrize("low", [8.0, 30.0])

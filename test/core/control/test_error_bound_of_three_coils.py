@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import signal
+from band_noise import band_noise
 from scipy.spatial.transform import Rotation
 
 from haptic_accel.core.actuator import ActuatorParameters
@@ -27,10 +27,7 @@ WITHOUT = np.eye(3)[:, :, np.newaxis]
 
 
 def textures(rms: float) -> FloatArray:
-    noise = np.random.default_rng(3).standard_normal((4000, 3))
-    band = signal.butter(2, [20.0, 120.0], "band", fs=RATE, output="sos")
-    found = signal.sosfilt(band, noise, axis=0)
-    return np.asarray(found * rms / found.std(axis=0))
+    return band_noise(20.0, 120.0, 4.0, rms, seed=3, axes=(3,))
 
 
 def bound(coupling: FloatArray, tool: FloatArray, *axes: Plant, **given: Any) -> Bounds:

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy import signal
+from band_noise import band_noise
 
 from haptic_accel.core.control import fallback
 from haptic_accel.core.control.compensation import CompensationParameters
@@ -41,10 +41,7 @@ def impulse_response(plant: Plant) -> FloatArray:
 
 
 def texture(seconds: float, low: float = 60.0, high: float = 300.0, seed: int = 1) -> FloatArray:
-    noise = np.random.default_rng(seed).standard_normal(round(seconds * RATE))
-    sections = signal.butter(2, [low, high], "bandpass", fs=RATE, output="sos")
-    passed = signal.sosfilt(sections, noise)
-    return np.asarray(2.0 * passed / passed.std())
+    return band_noise(low, high, seconds, 2.0, seed=seed)
 
 
 def compensation(controller: str, **options: Checked) -> OneCoil:

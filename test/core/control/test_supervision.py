@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from band_noise import band_noise
 from scipy import signal
 
 from haptic_accel.core.control.diagnosis import FITTING, ORDINARY
@@ -37,10 +38,7 @@ def response(plant: Plant, force: FloatArray, rate: float = RATE) -> FloatArray:
 
 def force(seconds: float, rms: float = 0.3, seed: int = 1, rate: float = RATE) -> FloatArray:
     """Return noise from 30 to 450 Hz."""
-    noise = np.random.default_rng(seed).standard_normal(round(seconds * rate))
-    sections = signal.butter(2, [30, 450], "bandpass", fs=rate, output="sos")
-    passed = signal.sosfilt(sections, noise)
-    return np.asarray(rms * passed / passed.std())
+    return band_noise(30.0, 450.0, seconds, rms, seed=seed, rate=rate)
 
 
 def feed(supervisor: ResponseSupervisor, sent: FloatArray, measured: FloatArray) -> list[str]:

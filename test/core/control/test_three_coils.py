@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy import signal
+from band_noise import band_noise
 from scipy.spatial.transform import Rotation
 
 from haptic_accel.core.control.channel import FADING, LISTENING
@@ -110,10 +110,7 @@ NOISE = 0.2
 
 def textures(seconds: float = 2.0) -> FloatArray:
     """Return three independent textures, 1.5 m/s^2 RMS each."""
-    noise = np.random.default_rng(1).normal(size=(round(seconds * RATE), 3))
-    band = signal.butter(2, [30, 250], "bandpass", fs=RATE, output="sos")
-    passed = signal.sosfilt(band, noise, axis=0)
-    return np.asarray(1.5 * passed / passed.std(axis=0))
+    return band_noise(30.0, 250.0, seconds, 1.5, axes=(3,))
 
 
 class Coils:

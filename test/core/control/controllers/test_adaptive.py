@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import signal
+from band_noise import band_noise
 
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control.controllers.adaptive import (
@@ -52,11 +52,7 @@ def family() -> InverseFamily:
 
 def texture(seconds: float, rate: float = RATE) -> FloatArray:
     """Return broad vibration, m/s^2."""
-    from scipy import signal
-
-    white = np.random.default_rng(0).normal(0.0, 3.0, round(seconds * rate))
-    band = signal.butter(2, (40.0, 200.0), "bandpass", fs=rate, output="sos")
-    return np.asarray(signal.sosfilt(band, white))
+    return band_noise(40.0, 200.0, seconds, 1.7, seed=0, rate=rate)
 
 
 def run(
@@ -229,9 +225,8 @@ def test_a_resonance_is_learnt_from_a_force_that_hardly_shows_in_the_noise() -> 
         "simulated.accelerometer.noise_density": 10.0 * AccelerometerParameters().noise_density,
     }
     given = GraphArguments(rig="paper", controller="adaptive", duration=9.0)
-    band = signal.butter(2, [15.0, 400.0], "band", fs=RATE, output="sos")
-    tool = signal.sosfilt(band, np.random.default_rng(5).standard_normal(9000))
-    tool *= np.minimum(np.arange(9000) / 200.0, 1.0) * 2.0 / np.std(tool)
+    rising = np.minimum(np.arange(9000) / 200.0, 1.0)
+    tool = rising * band_noise(15.0, 400.0, 9.0, 2.0, seed=5)
     trial = lockstep_trial(Setup.of(given).changed({"master_device": master}), recording=tool)
     errors = [trial.evaluate(1000 * second, 1000 * second + 1000) for second in range(9)]
     # A reduced force that is seen, but not above what is accepted, comes first.

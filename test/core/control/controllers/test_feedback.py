@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from band_noise import band_noise
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -55,13 +56,7 @@ def fresh(feedforward: str = "inverse", rate: float = RATE) -> FeedbackControlle
 
 def texture(rate: float, seconds: float = 2.0) -> FloatArray:
     """Noise from 50 to 150 Hz, 1.5 m/s^2 RMS."""
-    random = np.random.default_rng(1)
-    count = round(seconds * rate)
-    lines = np.fft.rfft(random.normal(size=count))
-    frequency = np.fft.rfftfreq(count, 1 / rate)
-    lines[(frequency < 50.0) | (frequency > 150.0)] = 0.0
-    values = np.fft.irfft(lines, count)
-    return np.asarray(1.5 * values / values.std())
+    return band_noise(50.0, 150.0, seconds, 1.5, rate=rate)
 
 
 @pytest.mark.parametrize("frequency", [25.0, 80.0, 300.0])
