@@ -28,7 +28,7 @@ BUDGETS = {
     "bags": 2_682,
     "scope": 1_358,
     "setup": 1_601,
-    "materials": 1_356,
+    "materials": 1_350,
     "kits/emulators": 1_123,
     "graph": 1_158,
     "kits/export": 912,
