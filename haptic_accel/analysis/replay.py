@@ -21,6 +21,7 @@ import numpy as np
 from haptic_accel.analysis.description import surface_of
 from haptic_accel.bags.delivery import count
 from haptic_accel.bags.reading import Bag, Diagnosis, read_bag
+from haptic_accel.bags.writing import trial_vectors
 from haptic_accel.core import topics
 from haptic_accel.core.files import located
 from haptic_accel.core.model import FloatArray
@@ -32,7 +33,6 @@ from haptic_accel.core.track import Track
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup import lockstep
 from haptic_accel.setup.arguments import REPLAY, SIMULATED, VIRTUAL, GraphArguments, check_lockstep
-from haptic_accel.setup.lockstep import trial_vectors
 from haptic_accel.setup.replay import Replay, ReplayArguments, replayed_track
 from haptic_accel.setup.setup import Setup
 

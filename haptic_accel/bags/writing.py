@@ -4,11 +4,13 @@
 """Writer of bags on a separate thread, so that nodes never wait for the disk; sessions.
 
 `BagFiles` splits files, writes metadata and handles errors. A `RecordingSession` starts, pauses,
-splits and stops recordings, with one bag after another.
+splits and stops recordings, with one bag after another. `write_trial` writes a lockstep trial
+like a live bag.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import threading
@@ -20,8 +22,9 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
 from rosbags.interfaces import Connection, Qos
 
 from haptic_accel.bags.chunked_writer import ChunkedWriter, MisplacedError
@@ -29,9 +32,16 @@ from haptic_accel.bags.folder import MCAP, free_name, listed_name
 from haptic_accel.bags.mcap_format import Tally
 from haptic_accel.bags.metadata import Metadata, connection, file_entry, topic_entry
 from haptic_accel.bags.recording_options import ZSTD_FAST, RecordingOptions
-from haptic_accel.core.cdr import STAMP_BYTES, unpack_stamps
+from haptic_accel.bags.trial_metadata import PARAMETERS, description, read_custom_data
+from haptic_accel.core import topics
+from haptic_accel.core.cdr import STAMP_BYTES, StampedVector, pack_text, unpack_stamps
+from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, missing_samples
+from haptic_accel.core.topics import Topic
+
+if TYPE_CHECKING:
+    from haptic_accel.core.trial import Trial
 
 
 class BagFiles:
@@ -599,3 +609,58 @@ class RecordingSession:
     def _open(self, options: RecordingOptions) -> BagWriter:
         path = Path(self._bag or f"bags/{datetime.now():%Y-%m-%d_%H-%M-%S}")
         return self._write(free_name(path), options=options)
+
+
+_TOPICS = (*topics.SIGNALS, topics.CONTACT_FORCE)
+
+_FIELDS = ("tool_acceleration", "desired_acceleration", "handle_acceleration", "actuator_force")
+"""Fields of a trial for the topics `ANALYSED`, in the same order."""
+
+
+def trial_vectors(trial: Trial) -> dict[Topic, FloatArray]:
+    """Return a trial's signals by topic, shape (n, 3) each; `SIGNALS` come first."""
+    found = dict(trial.arms)
+    for topic, name in zip(topics.ANALYSED, _FIELDS, strict=True):
+        found[topic.name] = np.zeros((len(trial.time), 3))
+        found[topic.name][:, trial.axes.indices] = np.c_[getattr(trial, name)]
+    return {topic: found[topic.name] for topic in _TOPICS if topic.name in found}
+
+
+def write_trial(path: Path, trial: Trial, custom: Mapping[str, str], start: int) -> None:
+    """Write a trial's signals.
+
+    Parameters
+    ----------
+    path : Path
+        Folder to create.
+    trial : Trial
+    custom : mapping
+        Metadata, text by name.
+    start : int
+        Stamp of the first sample, system time in ns; samples are one period apart.
+
+    Raises
+    ------
+    ParameterError
+        The folder exists already, or cannot be written.
+    """
+    files = BagFiles(path, RecordingOptions(), custom)
+    if stated := read_custom_data(custom):  # other programs copy messages, not metadata
+        described = connection(1, f"/{topics.DESCRIPTION.name}", topics.DESCRIPTION.type, [])
+        files.add(described)
+        files.write(described, start, pack_text(json.dumps({PARAMETERS: {}} | stated)))
+        if trial.failed is not None:
+            changed = description("compensator", {"controller": "none"})
+            files.write(described, start + round(trial.failed * NANOSECONDS), pack_text(changed))
+    added = []
+    for number, (topic, vectors) in enumerate(trial_vectors(trial).items(), start=2):
+        found = connection(number, f"/{topic.name}", topic.type, [])
+        files.add(found)
+        added.append((found, StampedVector(topic), vectors.tolist()))
+    for index in range(len(trial.time)):
+        stamp = start + round(index * NANOSECONDS / trial.rate)
+        for found, message, rows in added:
+            files.write(found, stamp, message.pack(stamp, rows[index]))
+    files.close()
+    if files.failure:
+        raise ParameterError(f"{path}: cannot be written: {files.failure}")

@@ -5,11 +5,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+import pytest
 from rosbags.rosbag2 import Reader
 
 from bag_maker import STRING, vector_bytes
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.bags.recording_options import RecordingOptions
-from haptic_accel.bags.writing import BagWriter, RecordingSession
+from haptic_accel.bags.writing import BagWriter, RecordingSession, write_trial
+from haptic_accel.core import topics
+from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
+from haptic_accel.core.trial import Trial
 from reading import with_rosbags
 from running import PATIENCE, python
 
@@ -172,3 +178,18 @@ def test_what_was_saved_before_the_disk_was_full_can_be_read(tmp_path: Path) -> 
     assert line.endswith("are saved and can be read, 501 are not")
     assert trouble == ""
     assert len(with_rosbags(tmp_path / "bag")) == 300
+
+
+@pytest.mark.parametrize("axes", [ACTUATOR_AXES, Axes(("x", "z")), ALL_AXES])
+def test_a_trial_is_read_as_it_was_written(tmp_path: Path, axes: Axes) -> None:
+    rate = 1000.0
+    shape = (50,) if len(axes.names) == 1 else (50, len(axes.names))
+    signals = [np.random.default_rng(seed).normal(size=shape) for seed in range(4)]
+    trial = Trial("vinyl", "inverse", rate, np.arange(50) / rate, *signals, axes=axes)
+    write_trial(tmp_path / "bag", trial, {}, 10**9)
+    bag = read_bag(tmp_path / "bag")
+    assert bag.axes == axes
+    for topic, written in zip(topics.ANALYSED, signals, strict=True):
+        found, seen = bag.signals[topic.name].on_grid(10**9, rate, 50, bag.axes)
+        assert np.array_equal(found, written)
+        assert seen.all()

@@ -1,24 +1,17 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lockstep runs of a setup, and their bags."""
-
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from haptic_accel.bags.reading import read_bag
-from haptic_accel.core import topics
-from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
 from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.evaluation.metrics import aligned, evaluate
 from haptic_accel.core.topics import CONTACT_FORCE, MASTER_ARM_FORCE
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import GraphArguments
-from haptic_accel.setup.lockstep import lockstep_trial, write_trial
+from haptic_accel.setup.lockstep import lockstep_trial
 from haptic_accel.setup.setup import Setup
 
 
@@ -94,20 +87,3 @@ def vector_error(trial: Trial) -> float:
     delay = trial.after / rate
     desired, actual = aligned(desired, trial.handle_acceleration, corner, rate, delay)
     return evaluate(desired[2000:], actual[2000:], rate, 0.0).nrmse_percent
-
-
-RATE = 1000.0
-
-
-@pytest.mark.parametrize("axes", [ACTUATOR_AXES, Axes(("x", "z")), ALL_AXES])
-def test_a_trial_is_read_as_it_was_written(tmp_path: Path, axes: Axes) -> None:
-    shape = (50,) if len(axes.names) == 1 else (50, len(axes.names))
-    signals = [np.random.default_rng(seed).normal(size=shape) for seed in range(4)]
-    trial = Trial("vinyl", "inverse", RATE, np.arange(50) / RATE, *signals, axes=axes)
-    write_trial(tmp_path / "bag", trial, {}, 10**9)
-    bag = read_bag(tmp_path / "bag")
-    assert bag.axes == axes
-    for topic, written in zip(topics.ANALYSED, signals, strict=True):
-        found, seen = bag.signals[topic.name].on_grid(10**9, RATE, 50, bag.axes)
-        assert np.array_equal(found, written)
-        assert seen.all()

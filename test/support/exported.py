@@ -12,9 +12,9 @@ import numpy as np
 
 from haptic_accel import run_trial
 from haptic_accel.bags.trial_metadata import custom_data, json_text
+from haptic_accel.bags.writing import trial_vectors, write_trial
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.trial import Trial
-from haptic_accel.setup.lockstep import trial_vectors, write_trial
 
 START = 1_700_000_000_000_000_000
 """Stamp of the first sample, ns."""

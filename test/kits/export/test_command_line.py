@@ -18,9 +18,9 @@ import pytest
 from exported import START, Recorded
 
 from bag_maker import STRING, Message, vector_bytes, write_messages
+from haptic_accel.bags.writing import write_trial
 from haptic_accel.core.cdr import pack_text
 from haptic_accel.core.topics import TOOL_ACCELERATION
-from haptic_accel.setup.lockstep import write_trial
 from running import Command, wait_until
 from verbs import ODD_NAMES, output_of, refusal, status_of, tells
 

@@ -15,9 +15,9 @@ import pytest
 from exported import Recorded, stamps, vectors
 
 from haptic_accel.bags.reading import read_bag
+from haptic_accel.bags.writing import write_trial
 from haptic_accel.core import topics
 from haptic_accel.core.trial import Trial
-from haptic_accel.setup.lockstep import write_trial
 from verbs import output_of
 
 

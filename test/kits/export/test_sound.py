@@ -16,10 +16,10 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from scipy.io import wavfile
 
+from haptic_accel.bags.writing import write_trial
 from haptic_accel.core.sampling import resampled
 from haptic_accel.core.trial import Trial
 from haptic_accel.kits.export.sound import FULL
-from haptic_accel.setup.lockstep import write_trial
 from verbs import output_of
 
 

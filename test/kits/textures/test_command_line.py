@@ -13,6 +13,7 @@ import pytest
 from scipy import signal
 from scipy.io import wavfile
 
+from haptic_accel.bags.writing import write_trial
 from haptic_accel.core.parameters import from_flat, warn_once
 from haptic_accel.core.rig.slave_rig import SlaveRigParameters, SurfaceParameters
 from haptic_accel.core.simulated_rig import RigParameters
@@ -21,7 +22,6 @@ from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.materials.texture_files import read_texture
 from haptic_accel.setup.files import surface_parameters
-from haptic_accel.setup.lockstep import write_trial
 from refusals import assert_refused, rows, written
 from verbs import ODD_NAMES, next_command, output_of, refusal, status_of
 
