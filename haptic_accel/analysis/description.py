@@ -1,17 +1,22 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Description of the graph that recorded a bag, from metadata and parameter changes."""
+"""Graph that recorded a bag, from metadata and changes of parameters; provenance of a page."""
 
 from __future__ import annotations
 
+import shlex
+import subprocess
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+import haptic_accel
 from haptic_accel.bags.reading import Bag, Change
-from haptic_accel.bags.trial_metadata import LOCKSTEP, RUN
+from haptic_accel.bags.trial_metadata import LOCKSTEP, RUN, host
 from haptic_accel.core import topics
 from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.compensation import PLANT, matrix_plant
@@ -299,3 +304,41 @@ def _changed(before: Condition, change: Change, start: Description) -> Condition
     if is_other and change.value != value and before.surface == start.condition.surface:
         return replace(before, surface=before.surface + ALTERED)
     return before
+
+
+_PACKAGE = Path(haptic_accel.__file__).parent
+
+
+def page_provenance() -> dict[str, str]:
+    """Return version, commit, machine and command line of this process, for a page's settings.
+
+    The commit exists only if the package runs from its own clone.
+    """
+    machine = host()
+    found = {
+        "version": haptic_accel.__version__,
+        "commit": _commit(),
+        "machine": f"{machine['name']}, {machine['cores']} cores, {machine['system']},"
+        f" Python {machine['python']}",
+        "command line": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+    }
+    return {name: value for name, value in found.items() if value}
+
+
+def version() -> str:
+    """Return the version of the package, and the commit if it runs from its own clone."""
+    return " ".join(filter(None, (haptic_accel.__version__, _commit())))
+
+
+@cache
+def _commit() -> str:
+    """Return the commit of the clone, marked if files differ from it; empty without a clone."""
+    clone = _PACKAGE.parent
+    if not (clone / ".git").exists():
+        return ""
+    command = ["git", "-C", str(clone), "describe", "--always", "--dirty", "--exclude=*"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError:  # git is not installed
+        return ""
+    return done.stdout.strip()

@@ -21,9 +21,9 @@ import numpy as np
 import pandas as pd
 
 from haptic_accel.analysis import frames, metrics, traces
+from haptic_accel.analysis.description import page_provenance
 from haptic_accel.analysis.frames import Comparison, csv_text
 from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.provenance import page_provenance
 from haptic_accel.analysis.segments import Segment, read_segment
 from haptic_accel.analysis.summary import summary
 from haptic_accel.core import topics

@@ -25,10 +25,9 @@ import numpy as np
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat
 
 from haptic_accel import __version__
-from haptic_accel.bags import mcap_format as mcap
+from haptic_accel.bags import mcap
 from haptic_accel.bags.compression import zstd
-from haptic_accel.bags.mcap import Chunk
-from haptic_accel.bags.mcap_format import Channel, Schema, Tally, record, text, text_map
+from haptic_accel.bags.mcap import Channel, Chunk, Schema, Tally, record, text, text_map
 from haptic_accel.bags.metadata import qos_text
 from haptic_accel.core.files import sync_folder
 

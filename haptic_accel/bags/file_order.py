@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from haptic_accel.bags.folder import METADATA
-from haptic_accel.bags.mcap_format import NEVER
+from haptic_accel.bags.mcap import NEVER
 from haptic_accel.bags.metadata import FileEntry, Metadata
 from haptic_accel.bags.timeline import Arrivals, continuous
 from haptic_accel.bags.trial_metadata import ARGUMENTS, PARAMETERS, PREFIX

@@ -1,7 +1,9 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reader of MCAP files by chunks, which keeps the intact parts of damaged files.
+"""Records of MCAP files, and their reader by chunks, which keeps the intact parts of damaged ones.
+
+Format: https://mcap.dev/spec.
 
 The readers of `rosbags` and `mcap` reject truncated files, and return one message at a time, which
 takes one to two minutes for ten minutes of this graph. Here the messages of a chunk remain one
@@ -14,22 +16,121 @@ import io
 import itertools
 import struct
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 from zlib import crc32
 
 import numpy as np
 import numpy.typing as npt
 from lz4 import frame as lz4  # type: ignore[import-untyped]
 
-from haptic_accel.bags import mcap_format as mcap
 from haptic_accel.bags.compression import LARGEST_FILE, LARGEST_RECORD, Allowance, zstd
-from haptic_accel.bags.mcap_format import MAGIC, NEVER, RECORD, Channel, Schema, Tally
 from haptic_accel.core.document import load_yaml, texts_of
 from haptic_accel.core.files import opened
 from haptic_accel.core.sampling import IntArray
+
+MAGIC = b"\x89MCAP0\r\n"
+NEVER = 2**63 - 1
+"""Start time of a file without messages, ns, as in rosbag2; all messages are earlier."""
+
+# Kinds of records.
+NOTHING, HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(9)
+STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(11, 16)
+
+RECORD = struct.Struct("<BQ")  # kind, and length of the content
+MESSAGE_HEADER = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+CHUNK_HEADER = struct.Struct("<QQQI")  # start, end, uncompressed size, CRC-32 of the records
+# Start and end time; position and length of the chunk; length of the following map of channels.
+CHUNK_INDEX_HEADER = struct.Struct("<QQQQI")
+# Numbers of messages, schemas, channels, attachments, metadata, chunks; start, end; counts' size.
+STATISTICS_HEADER = struct.Struct("<QHIIIIQQI")
+COUNT = struct.Struct("<HQ")  # channel, and messages or a position
+SPAN = struct.Struct("<QQ")  # position and length, or two positions
+LENGTH = struct.Struct("<Q")
+TEXT_LENGTH = struct.Struct("<I")
+SUM = struct.Struct("<I")  # CRC-32; 0 for none
+
+
+class Schema(NamedTuple):
+    """Definition of a message type: number from 1, name, encoding (``ros2msg``), and text."""
+
+    id: int
+    name: str
+    encoding: str
+    data: str
+
+
+class Channel(NamedTuple):
+    """Topic: number, name of its type, name, serialisation format, and texts by name."""
+
+    id: int
+    schema: str
+    topic: str
+    message_encoding: str
+    metadata: bytes
+
+
+@dataclass
+class Tally:
+    """Number and times of the messages in a file.
+
+    Attributes
+    ----------
+    counts : Counter
+        Number of messages by channel.
+    start, end : int
+        Recording times of the first and the last message, system time in ns; `NEVER` and 0 without
+        messages.
+    """
+
+    counts: Counter[int] = field(default_factory=Counter)
+    start: int = NEVER
+    end: int = 0
+
+    @property
+    def messages(self) -> int:
+        """Number of messages."""
+        return self.counts.total()
+
+    def plus(self, counts: Counter[int], start: int, end: int) -> Tally:
+        """Return the tally including more messages."""
+        return Tally(self.counts + counts, min(self.start, start), max(self.end, end))
+
+
+def record(kind: int, *parts: bytes) -> bytes:
+    """Return a record."""
+    content = b"".join(parts)
+    return RECORD.pack(kind, len(content)) + content
+
+
+def text(value: str) -> bytes:
+    """Return a text as bytes, preceded by its length."""
+    content = value.encode()
+    return TEXT_LENGTH.pack(len(content)) + content
+
+
+def text_map(texts: Mapping[str, str]) -> bytes:
+    """Return texts by name as bytes, without their total length."""
+    return b"".join(text(name) + text(value) for name, value in texts.items())
+
+
+def read_text(content: BinaryIO) -> str:
+    """Return the text in an output of `text`."""
+    (length,) = TEXT_LENGTH.unpack(content.read(TEXT_LENGTH.size))
+    return content.read(length).decode("utf-8", "replace")
+
+
+def read_text_map(content: bytes) -> dict[str, str]:
+    """Return the texts by name in an output of `text_map`."""
+    stream, texts = BytesIO(content), {}
+    while stream.tell() < len(content):
+        name = read_text(stream)
+        texts[name] = read_text(stream)
+    return texts
+
 
 ByteArray = npt.NDArray[np.uint8]
 
@@ -42,10 +143,10 @@ MOST_INDEXED = 500_000
 MOST_PROBLEMS = 100
 """Maximum number of reported problems of a file."""
 
-_LOOSE_KINDS = (mcap.SCHEMA, mcap.CHANNEL, mcap.MESSAGE)
-_READ_KINDS = (*_LOOSE_KINDS, mcap.CHUNK, mcap.MESSAGE_INDEX, mcap.METADATA, mcap.DATA_END)
+_LOOSE_KINDS = (SCHEMA, CHANNEL, MESSAGE)
+_READ_KINDS = (*_LOOSE_KINDS, CHUNK, MESSAGE_INDEX, METADATA, DATA_END)
 # Kind of an index record, offset of position and length in it, and kind of the indexed record.
-_SPANS = ((mcap.CHUNK_INDEX, 16, mcap.CHUNK), (mcap.METADATA_INDEX, 0, mcap.METADATA))
+_SPANS = ((CHUNK_INDEX, 16, CHUNK), (METADATA_INDEX, 0, METADATA))
 _UNKNOWN = -1
 """Invalid channel id; such chunks are scanned."""
 
@@ -182,9 +283,9 @@ class McapFile:
             self._declare(kind, content)
         if self.problems:
             raise ValueError("its index is damaged")
-        chunks = [content for kind, content in index.records if kind == mcap.CHUNK_INDEX]
+        chunks = [content for kind, content in index.records if kind == CHUNK_INDEX]
         # The last number of an index is that of the channels with messages.
-        if not all(mcap.CHUNK_INDEX_HEADER.unpack_from(chunk)[-1] for chunk in chunks):
+        if not all(CHUNK_INDEX_HEADER.unpack_from(chunk)[-1] for chunk in chunks):
             raise ValueError(
                 "a chunk has no index of messages, so that ros2 bag play plays nothing"
             )
@@ -265,7 +366,7 @@ class McapFile:
             offset = file.tell()
             is_cut_off = offset + length > size
             # After a power cut, the end of a file may be zeros.
-            if kind == mcap.NOTHING or (is_cut_off and kind != mcap.CHUNK):
+            if kind == NOTHING or (is_cut_off and kind != CHUNK):
                 return
             length = min(length, size - offset)
             if kind in _READ_KINDS and length <= LARGEST_RECORD:
@@ -289,7 +390,7 @@ class McapFile:
             self._allowance.spend(length)  # the index may repeat a position many times
             file.seek(offset)
             yield kind, file.read(length)[RECORD.size :]
-        yield mcap.DATA_END, b""
+        yield DATA_END, b""
 
     def _gathered(
         self, records: Iterator[tuple[int, bytes]], *, by_index: bool
@@ -297,7 +398,7 @@ class McapFile:
         """Yield chunks from the records of a file."""
         chunk, loose, ended = Chunk(b""), bytearray(), False
         for kind, content in records:
-            if kind == mcap.MESSAGE_INDEX:
+            if kind == MESSAGE_INDEX:
                 if by_index:
                     chunk.entries.update(_entries(content))
                 continue
@@ -305,15 +406,15 @@ class McapFile:
                 yield self._placed(chunk)
                 chunk = Chunk(b"")
             if kind in _LOOSE_KINDS and self._declare(kind, content):
-                loose += mcap.record(kind, content)
+                loose += record(kind, content)
             if loose and (kind not in _LOOSE_KINDS or len(loose) > LOOSE):
                 yield self._walked(Chunk(bytes(loose)))
                 loose.clear()
-            if kind == mcap.CHUNK:
+            if kind == CHUNK:
                 chunk = self._decompressed(content)
-            elif kind == mcap.METADATA:
+            elif kind == METADATA:
                 self._declare(kind, content)
-            ended = kind == mcap.DATA_END
+            ended = kind == DATA_END
             if ended:
                 break
         # After the last chunk of a truncated file, channels may be missing in the index.
@@ -326,12 +427,10 @@ class McapFile:
         """Return the available part of a chunk; a damaged chunk has no records."""
         stream, span = io.BytesIO(content), ""
         try:
-            start, end, size, checksum = mcap.CHUNK_HEADER.unpack(
-                stream.read(mcap.CHUNK_HEADER.size)
-            )
+            start, end, size, checksum = CHUNK_HEADER.unpack(stream.read(CHUNK_HEADER.size))
             span = f", messages from {_moment(start)} to {_moment(end)} are left out"
-            compression = mcap.read_text(stream)
-            (length,) = mcap.LENGTH.unpack(stream.read(mcap.LENGTH.size))
+            compression = read_text(stream)
+            (length,) = LENGTH.unpack(stream.read(LENGTH.size))
             if size > LARGEST_RECORD:
                 raise ValueError(f"it states {size} bytes; at most {LARGEST_RECORD} are allowed")
             stored = stream.read()
@@ -376,16 +475,16 @@ class McapFile:
             kind, length = RECORD.unpack_from(records, offset)
             start = offset + RECORD.size
             end = start + length
-            if kind == mcap.NOTHING or end > len(records):
+            if kind == NOTHING or end > len(records):
                 break
-            if kind == mcap.MESSAGE and length >= mcap.MESSAGE_HEADER.size:
-                number, _, time, _ = mcap.MESSAGE_HEADER.unpack_from(records, start)
+            if kind == MESSAGE and length >= MESSAGE_HEADER.size:
+                number, _, time, _ = MESSAGE_HEADER.unpack_from(records, start)
                 is_sound = time <= NEVER
                 if is_sound:
                     found.setdefault(number, []).append((time, offset - removed))
             else:
-                is_sound = kind != mcap.MESSAGE and self._declare(kind, records[start:end])
-            if kind == mcap.MESSAGE and not is_sound:
+                is_sound = kind != MESSAGE and self._declare(kind, records[start:end])
+            if kind == MESSAGE and not is_sound:
                 self._report("a message is too short, or has an impossible time: it is left out")
             if not is_sound:
                 parts.append(records[begin:offset])
@@ -401,19 +500,19 @@ class McapFile:
     def _declare(self, kind: int, content: bytes) -> bool:
         """Declare a schema, a channel or metadata; return whether it could be read."""
         stream = io.BytesIO(content)
-        read = mcap.read_text
+        read = read_text
         try:
-            if kind == mcap.SCHEMA:
+            if kind == SCHEMA:
                 (number,) = struct.unpack("<H", stream.read(2))
                 self.schemas[number] = Schema(number, read(stream), read(stream), read(stream))
-            elif kind == mcap.CHANNEL:
+            elif kind == CHANNEL:
                 number, schema = struct.unpack("<HH", stream.read(4))
                 name = self.schemas[schema].name if schema in self.schemas else ""
                 texts = read(stream), read(stream)
                 self.channels[number] = Channel(number, name, *texts, stream.read()[4:])
-            elif kind == mcap.METADATA:
+            elif kind == METADATA:
                 name = read(stream)
-                self.metadata[name] = mcap.read_text_map(stream.read()[4:])
+                self.metadata[name] = read_text_map(stream.read()[4:])
         except DAMAGE_ERRORS as error:
             self._report(f"a record cannot be read: {error}")
             return False
@@ -449,28 +548,28 @@ def _index(file: BinaryIO, size: int) -> _Index:
     if mark != MAGIC or not start:
         raise ValueError("was not closed: index missing")
     end = size - _FOOTER.size
-    is_footer = (kind, length) == (mcap.FOOTER, mcap.SPAN.size + mcap.SUM.size)
+    is_footer = (kind, length) == (FOOTER, SPAN.size + SUM.size)
     if not (is_footer and len(MAGIC) + _DATA_END.size <= start <= end < start + LARGEST_RECORD):
         raise DamagedIndexError("its index is damaged")
     file.seek(start)
     content = file.read(end - start)
     # The checksum includes the part of the footer before it.
-    if checksum and crc32(footer[: -len(MAGIC) - mcap.SUM.size], crc32(content)) != checksum:
+    if checksum and crc32(footer[: -len(MAGIC) - SUM.size], crc32(content)) != checksum:
         raise DamagedIndexError("its index is damaged: it differs from its checksum")
     try:
         records = list(itertools.islice(_index_records(content), MOST_INDEXED + 1))
         if len(records) > MOST_INDEXED:
             raise ValueError(f"it has more than {MOST_INDEXED} records")
         spans = [
-            (*mcap.SPAN.unpack_from(content, offset), kind)
+            (*SPAN.unpack_from(content, offset), kind)
             for found, content in records
             for known, offset, kind in _SPANS
             if found == known
         ]
-        (tally,) = (_tally(content) for kind, content in records if kind == mcap.STATISTICS)
+        (tally,) = (_tally(content) for kind, content in records if kind == STATISTICS)
     except DAMAGE_ERRORS as error:
         raise DamagedIndexError(f"its index is damaged: {error}") from None
-    has_chunks = any(kind == mcap.CHUNK for *_, kind in spans)
+    has_chunks = any(kind == CHUNK for *_, kind in spans)
     return _Index(start, records, sorted(spans) if has_chunks else [], tally)
 
 
@@ -489,7 +588,7 @@ def _data_are_intact(file: BinaryIO, end: int) -> bool:
     left = end - _DATA_END.size
     file.seek(left)
     kind, length, checksum = _DATA_END.unpack(file.read(_DATA_END.size))
-    if (kind, length) != (mcap.DATA_END, mcap.SUM.size):
+    if (kind, length) != (DATA_END, SUM.size):
         return False
     file.seek(0)
     found = 0
@@ -501,13 +600,11 @@ def _data_are_intact(file: BinaryIO, end: int) -> bool:
 
 def _tally(statistics: bytes) -> Tally:
     """Return the number and times of messages from a statistics record."""
-    messages, *_, start, end, size = mcap.STATISTICS_HEADER.unpack_from(statistics)
-    counts = statistics[mcap.STATISTICS_HEADER.size :][:size]
+    messages, *_, start, end, size = STATISTICS_HEADER.unpack_from(statistics)
+    counts = statistics[STATISTICS_HEADER.size :][:size]
     if max(start, end) > NEVER:
         raise ValueError("it has impossible times")
-    return (
-        Tally(Counter(dict(mcap.COUNT.iter_unpack(counts))), start, end) if messages else Tally()
-    )
+    return Tally(Counter(dict(COUNT.iter_unpack(counts))), start, end) if messages else Tally()
 
 
 def _entries(index: bytes) -> Entries:
@@ -532,11 +629,9 @@ def _is_right(records: bytes, number: int, times: IntArray, starts: IntArray) ->
         return False
     heads = _heads(records, starts)
     lengths = heads["length"].astype(np.int64)
-    is_message = (heads["kind"] == mcap.MESSAGE) & (heads["channel"] == number)
+    is_message = (heads["kind"] == MESSAGE) & (heads["channel"] == number)
     is_timed = (heads["time"].astype(np.int64) == times) & (times >= 0)
-    is_whole = (lengths >= mcap.MESSAGE_HEADER.size) & (
-        lengths <= len(records) - RECORD.size - starts
-    )
+    is_whole = (lengths >= MESSAGE_HEADER.size) & (lengths <= len(records) - RECORD.size - starts)
     return bool((is_message & is_timed & is_whole).all())
 
 

@@ -26,8 +26,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from rosbags.typesys.store import Typestore
 
 from haptic_accel.bags.folder import METADATA
-from haptic_accel.bags.mcap import DAMAGE_ERRORS, McapFile
-from haptic_accel.bags.mcap_format import NEVER, Channel, Tally, read_text_map
+from haptic_accel.bags.mcap import DAMAGE_ERRORS, NEVER, Channel, McapFile, Tally, read_text_map
 from haptic_accel.core.document import Document, load_yaml, texts_of
 from haptic_accel.core.files import read_bytes, replace_file
 from haptic_accel.core.parameters import Specification, one_line

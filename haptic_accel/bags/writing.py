@@ -29,7 +29,7 @@ from rosbags.interfaces import Connection, Qos
 
 from haptic_accel.bags.chunked_writer import ChunkedWriter, MisplacedError
 from haptic_accel.bags.folder import MCAP, free_name, listed_name
-from haptic_accel.bags.mcap_format import Tally
+from haptic_accel.bags.mcap import Tally
 from haptic_accel.bags.metadata import Metadata, connection, file_entry, topic_entry
 from haptic_accel.bags.recording_options import ZSTD_FAST, RecordingOptions
 from haptic_accel.bags.trial_metadata import PARAMETERS, description, read_custom_data

@@ -20,11 +20,10 @@ from haptic_accel.core.axes import NAMES
 from haptic_accel.core.files import located
 from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
-from haptic_accel.devices import sound_calibration
+from haptic_accel.devices import calibration
 from haptic_accel.devices.audio import AUDIO, AudioParameters, recorded
+from haptic_accel.devices.calibration import AxesCalibration, Calibration, CalibrationError
 from haptic_accel.devices.interface import DeviceError
-from haptic_accel.devices.serial import calibration
-from haptic_accel.devices.serial.calibration import AxesCalibration, Calibration, CalibrationError
 from haptic_accel.devices.serial.device import HIGHEST_BOARD_RATE, PortParameters
 from haptic_accel.devices.sound_bench import NO_ARM
 from haptic_accel.setup import files
@@ -147,31 +146,31 @@ def _now(
     return recorded(a.device, a.seconds, last, played)
 
 
-def _gravity(arguments: AudioInputArguments) -> sound_calibration.InputCalibration:
+def _gravity(arguments: AudioInputArguments) -> calibration.InputCalibration:
     held = f"hold the {HELD[arguments.side]} still, with the sensor's axis"
     up, down = (_still(arguments, f"{held} {way}") for way in ("up", "down"))
     channel = arguments.input - 1
-    return sound_calibration.by_gravity(up[:, channel], down[:, channel], _name(arguments))
+    return calibration.by_gravity(up[:, channel], down[:, channel], _name(arguments))
 
 
-def _reference(arguments: AudioInputArguments) -> sound_calibration.InputCalibration:
+def _reference(arguments: AudioInputArguments) -> calibration.InputCalibration:
     a = arguments
     quiet = _still(a, "let both sensors rest")
     input("shake both sensors together along their axis, fast, and press Enter meanwhile\n")
     shaken, rate = _now(a)
     known = shaken[:, a.reference - 1] * a.reference_scale
-    return sound_calibration.by_reference(
+    return calibration.by_reference(
         shaken[:, a.input - 1], quiet[:, a.input - 1], known, rate, _name(a)
     )
 
 
-def _force(arguments: AudioInputArguments) -> sound_calibration.InputCalibration:
+def _force(arguments: AudioInputArguments) -> calibration.InputCalibration:
     a = arguments
     quiet = _still(a, "lay the handle on soft foam, and take your hands off")
     rate = len(quiet) / a.seconds
     noise = shaking(round(a.seconds * rate), rate)
     shaken, _ = _now(a, noise)
-    return sound_calibration.by_force(
+    return calibration.by_force(
         noise * a.full_scale, shaken[:, a.input - 1], quiet[:, a.input - 1], rate, a.mass, _name(a)
     )
 
@@ -187,9 +186,9 @@ def shaking(count: int, rate: float) -> FloatArray:
     return np.asarray(noise)
 
 
-def _stated(arguments: AudioInputArguments) -> sound_calibration.InputCalibration:
+def _stated(arguments: AudioInputArguments) -> calibration.InputCalibration:
     """Return the sensor's specified scale, with the measured noise at rest."""
-    scales = sound_calibration.digital_scales(arguments.device)
+    scales = calibration.digital_scales(arguments.device)
     if scales is None:
         raise ParameterError(
             f"device = {arguments.device!r}: states no scale; give the whole name of a 333D sensor"
@@ -197,14 +196,14 @@ def _stated(arguments: AudioInputArguments) -> sound_calibration.InputCalibratio
         )
     scale = scales[min(arguments.input, 2) - 1]
     quiet = _still(arguments, "let the sensor rest")[:, arguments.input - 1]
-    return sound_calibration.InputCalibration(scale, 0.0, float(scale * quiet.std()))
+    return calibration.InputCalibration(scale, 0.0, float(scale * quiet.std()))
 
 
-def _relative(arguments: AudioInputArguments) -> sound_calibration.InputCalibration:
+def _relative(arguments: AudioInputArguments) -> calibration.InputCalibration:
     quiet = _still(arguments, "let the gripper rest")[:, arguments.input - 1]
     input("stroke a surface as in use, and press Enter meanwhile\n")
     stroked = _now(arguments)[0][:, arguments.input - 1]
-    return sound_calibration.relative(stroked, quiet, _name(arguments))
+    return calibration.relative(stroked, quiet, _name(arguments))
 
 
 _MEASURED = {

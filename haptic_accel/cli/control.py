@@ -16,10 +16,10 @@ import click
 
 from haptic_accel.cli.options import arguments, one_of, verb
 from haptic_accel.cli.output import next_command
+from haptic_accel.core.axes import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, like, parameter, schema
-from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.topics import DEVICES
 from haptic_accel.setup.words import NamespaceArguments
 

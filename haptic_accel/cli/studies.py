@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from haptic_accel.analysis.provenance import version
+from haptic_accel.analysis.description import version
 from haptic_accel.cli.output import StoppedError
 from haptic_accel.cli.running import progress_bar, stop_on_signal
 from haptic_accel.cli.workers import Item, Result, Stop, Workers

@@ -18,7 +18,7 @@ from haptic_accel.core.model import (ACTUATOR as ACTUATOR, GRAVITY as GRAVITY, Z
     vector as vector)
 from haptic_accel.core.network.endpoint import random_session as random_session
 from haptic_accel.core.network.playout import PLAYED_KINDS as PLAYED_KINDS
-from haptic_accel.core.reduction import REDUCTIONS as REDUCTIONS
+from haptic_accel.core.axes import REDUCTIONS as REDUCTIONS
 from haptic_accel.core.simulated_rig import (RigParameters as RigParameters,
     build_loop as build_loop)
 from haptic_accel.core.surfaces.texture import (autocovariance as autocovariance,

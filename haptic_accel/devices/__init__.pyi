@@ -14,5 +14,5 @@ from haptic_accel.devices.registry import MASTERS as MASTERS, SLAVES as SLAVES
 from haptic_accel.devices.simulated import (SimulatedDevice as SimulatedDevice,
     SimulatedMaster as SimulatedMaster, SimulatedSlave as SimulatedSlave)
 from haptic_accel.devices.sound_bench import MOST_HEARD as MOST_HEARD, NO_ARM as NO_ARM
-from haptic_accel.devices.sound_calibration import (by_gravity as by_gravity,
+from haptic_accel.devices.calibration import (by_gravity as by_gravity,
     check_level as check_level)

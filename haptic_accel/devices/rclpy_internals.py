@@ -28,7 +28,7 @@ from rclpy.service import Service
 from rclpy.subscription import Subscription
 
 from haptic_accel.core.parameters import printable
-from haptic_accel.core.sequence_check import Matched
+from haptic_accel.core.sampling import Matched
 
 
 def _named(name: str, *modules: str) -> Any:

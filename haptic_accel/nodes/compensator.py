@@ -15,14 +15,13 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
-from haptic_accel.core.axes import Orientation
+from haptic_accel.core.axes import NO_REDUCTION, Orientation
 from haptic_accel.core.cdr import unpack_orientation
 from haptic_accel.core.control.compensation import PLANT, Compensation
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.fallback import NO_CONTROLLER
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.reduction import NO_REDUCTION
 from haptic_accel.core.tick import ArmSample, CompensatedSample, CompensationPart
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import run_nodes

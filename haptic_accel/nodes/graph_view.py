@@ -31,9 +31,8 @@ from haptic_accel.core.topics import Topic
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.signals import Inbox, Sender
 from haptic_accel.nodes.supervised_node import message_type
-from haptic_accel.scope.frames import SCENE
 from haptic_accel.scope.server import FRAME_RATE, SOUND_RATE
-from haptic_accel.scope.state import MOST_NODES, NodeReport, NodeReports, drawing
+from haptic_accel.scope.state import MOST_NODES, SCENE, NodeReport, NodeReports, drawing
 from haptic_accel.scope.windows import LARGEST_VALUE, GraphSettings, Windows
 from haptic_accel.setup.arguments import POINTER
 from haptic_accel.setup.arguments import SCENE as SCENE_FILE
@@ -46,7 +45,7 @@ SIGNALS = {
     "handle": topics.MASTER_POSITION,
     "contact_force": topics.CONTACT_FORCE,
 }
-"""Topics of `haptic_accel.scope.frames.VECTORS`."""
+"""Topics of `haptic_accel.scope.state.VECTORS`."""
 
 
 class ScopeScene:

@@ -22,7 +22,7 @@ from haptic_accel.bags.metadata import UndefinedTypeError
 from haptic_accel.bags.trial_metadata import PARAMETERS, custom_data, read_description
 from haptic_accel.bags.writing import Answer, MessageWriter, RecordingSession
 from haptic_accel.core import cdr, topics
-from haptic_accel.core.bundles import DUPLICATE_MEMORY, BothWays, InOrder, believed, unpack_bundle
+from haptic_accel.core.cdr import DUPLICATE_MEMORY, BothWays, InOrder, believed, unpack_bundle
 from haptic_accel.core.process import RECORDED, notify_supervisor
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.nodes.graph_node import GraphNode

@@ -16,11 +16,9 @@ from rclpy.publisher import Publisher
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 
-from haptic_accel.core.bundles import BUNDLE_PERIOD, Bundle
-from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector, unpack_state
+from haptic_accel.core import cdr
 from haptic_accel.core.model import IDENTITY, Quaternion, Vector
-from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.sequence_check import SequenceCheck, SolePublisher
+from haptic_accel.core.sampling import NANOSECONDS, SequenceCheck, SolePublisher
 from haptic_accel.core.topics import BUNDLES, Topic
 from haptic_accel.devices import rclpy_internals as internals
 from haptic_accel.nodes.supervised_node import CallbackGuard, SupervisedNode
@@ -31,7 +29,7 @@ BUNDLES_KEPT = 100
 FLUSH_PERIOD = 0.1
 """Time after which an incomplete bundle is sent if no further sample follows, s."""
 
-_PERIOD = round(BUNDLE_PERIOD * NANOSECONDS)
+_PERIOD = round(cdr.BUNDLE_PERIOD * NANOSECONDS)
 
 _shared: dict[tuple[Any, str], BundleSender] = {}
 
@@ -85,7 +83,7 @@ class BundleSender:
 
     def __init__(self, node: Node, publisher: Publisher) -> None:
         self._node = node
-        self._bundle = Bundle()
+        self._bundle = cdr.Bundle()
         self._listened = self._since = 0
         self.period = 1
         self.index, self._add = self._bundle.index, self._bundle.put
@@ -148,7 +146,7 @@ class Sender:
         self, node: SupervisedNode, topic: Topic, bundles: BundleSender | None = None
     ) -> None:
         self._node, self._topic, self._bundles = node, topic, bundles
-        self._pack = StampedVector(topic).pack
+        self._pack = cdr.StampedVector(topic).pack
         self._wire = node.wire(topic)
         self._index = bundles.index(node.resolve_topic_name(topic.name)) if bundles else 0
         self._counts = 0, 0
@@ -299,7 +297,7 @@ class Inbox:
 
     def drain_vectors(self) -> list[tuple[int, Vector]]:
         """Return stamps, system time in ns, and vectors of a signal."""
-        return [vector for _, _, vector in self._unpacked(unpack_stamped_vector)]
+        return [vector for _, _, vector in self._unpacked(cdr.unpack_stamped_vector)]
 
     def drain_sole(self, unpack: Callable[[bytes], Value]) -> list[Value]:
         """Return unpacked messages; none if several publishers may have sent them."""
@@ -311,7 +309,7 @@ class Inbox:
 
     def drain_states(self) -> list[bool]:
         """Return the values of a state, from any publishers."""
-        return self._judged(unpack_state)
+        return self._judged(cdr.unpack_state)
 
     def _connect(self, here: bool) -> None:
         """Leave the signal to this process's loop if sent here; otherwise subscribe to it."""
@@ -427,7 +425,7 @@ class Samples:
     def drain(self) -> Iterator[tuple[int, Vector]]:
         """Yield stamps, system time in ns, and vectors."""
         now, steady = time.time_ns(), time.monotonic_ns()
-        for stamp, vector in self._inbox.drain_sole(unpack_stamped_vector):
+        for stamp, vector in self._inbox.drain_sole(cdr.unpack_stamped_vector):
             if self.sequence.admits(stamp, now, steady):
                 if self.sequence.jump:
                     self._jumped(self)

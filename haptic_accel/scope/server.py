@@ -38,7 +38,7 @@ from haptic_accel.scope.connections import (
     is_token,
     parsed,
 )
-from haptic_accel.scope.frames import EVERYTHING, ON_DEMAND, SCENE, SOUND, Cursor, plots_frame
+from haptic_accel.scope.state import EVERYTHING, ON_DEMAND, SCENE, SOUND, Cursor, plots_frame
 from haptic_accel.scope.windows import Windows, live_rate
 
 FRAME_RATE = 60.0

@@ -15,7 +15,7 @@ from typing import Any
 import yaml
 
 from haptic_accel.core.topics import EMERGENCY_STOP, SIGNALS, TOPICS
-from haptic_accel.graph.launching import description
+from haptic_accel.graph.frames import description
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.nodes.supervised_node import message_type
 

@@ -19,8 +19,7 @@ import pytest
 import rclpy
 from std_msgs.msg import UInt8MultiArray
 
-from haptic_accel.core.bundles import BUNDLE_PERIOD
-from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
+from haptic_accel.core.cdr import BUNDLE_PERIOD, StampedVector, unpack_stamped_vector
 from haptic_accel.core.topics import (
     BUNDLES,
     DESIRED_ACCELERATION,

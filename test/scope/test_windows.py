@@ -24,7 +24,7 @@ from haptic_accel.core.model import Suspension
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import TravelEstimator
 from haptic_accel.scope import windows
-from haptic_accel.scope.frames import PLOTS, SAMPLES, TRACES, Cursor, plots_frame, vectors_frame
+from haptic_accel.scope.state import PLOTS, SAMPLES, TRACES, Cursor, plots_frame, vectors_frame
 from nightly import rest_slow
 from running import wait_until
 

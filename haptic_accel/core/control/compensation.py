@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from haptic_accel.core.actuator import ActuatorParameters
-from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
+from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, LIVE_REDUCTIONS, NO_REDUCTION, Axes
 from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.channel import LARGEST_GAIN, Channel
 from haptic_accel.core.control.controllers import CONTROLLERS, CONTROLLERS_GROUP, Loop
@@ -23,7 +23,6 @@ from haptic_accel.core.control.three_coils import Alignment, ReductionSwitch, fu
 from haptic_accel.core.handle.plant import MatrixPlant, Plant, read_matrix_plant
 from haptic_accel.core.model import ACTUATOR, GRAVITY, ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
-from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.tick import LARGEST_ACCELERATION as LARGEST_ACCELERATION
 from haptic_accel.core.tick import HandleCompensation, Trace, VectorConvolution

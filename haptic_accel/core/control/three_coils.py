@@ -18,7 +18,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from haptic_accel.core.axes import NAMES, along_actuator
+from haptic_accel.core.axes import NAMES, NO_REDUCTION, along_actuator, live_reduction
 from haptic_accel.core.control.channel import FADING, LISTENING, RESTING
 from haptic_accel.core.control.diagnosis import FITTING, RAISING
 from haptic_accel.core.control.estimation import latest
@@ -28,7 +28,6 @@ from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.handle.mechanics import grid_for
 from haptic_accel.core.handle.plant import MatrixPlant
 from haptic_accel.core.model import ZERO, FloatArray, Vector
-from haptic_accel.core.reduction import NO_REDUCTION, live_reduction
 from haptic_accel.core.tick import LARGEST_ACCELERATION, MEASURED, InputReduction
 
 DECOUPLING_LENGTH = 0.2

@@ -41,10 +41,10 @@ from types import MappingProxyType
 
 import numpy as np
 
+from haptic_accel.core.axes import REDUCTIONS, PrincipalDirection
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, comparable, high_passed
 from haptic_accel.core.model import ComplexArray, FloatArray, vector
 from haptic_accel.core.parameters import check_positive_rate
-from haptic_accel.core.reduction import REDUCTIONS, PrincipalDirection
 
 LONGEST_DELAY = 20e-3
 """Maximum lag searched, either way, s: twenty times the paper's, one period of 50 Hz."""

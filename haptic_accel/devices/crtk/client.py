@@ -24,8 +24,7 @@ from haptic_accel.core.axes import Orientation
 from haptic_accel.core.cdr import StampedVector, unpack_orientation, unpack_stamped_vector
 from haptic_accel.core.crtk import MESSAGES
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.sequence_check import SequenceCheck, SolePublisher
+from haptic_accel.core.sampling import NANOSECONDS, SequenceCheck, SolePublisher
 from haptic_accel.core.topics import SLAVE
 from haptic_accel.devices import rclpy_internals as internals
 

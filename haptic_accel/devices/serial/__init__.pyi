@@ -3,7 +3,7 @@
 
 # fmt: off
 from haptic_accel.devices.serial.board_samples import BoardSamples as BoardSamples
-from haptic_accel.devices.serial.calibration import (STILL as STILL,
+from haptic_accel.devices.calibration import (STILL as STILL,
     CalibrationError as CalibrationError, calibrate as calibrate, rest as rest,
     vertical as vertical)
 from haptic_accel.devices.serial.device import (HIGHEST_BOARD_RATE as HIGHEST_BOARD_RATE,

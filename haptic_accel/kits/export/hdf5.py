@@ -19,8 +19,15 @@ import h5py
 import numpy as np
 
 from haptic_accel import Bag, ParameterError
-from haptic_accel.kits.export.frames import FrameRate, engagements, frames_of, recorded_rate
-from haptic_accel.kits.export.signals import Writer, descriptions, signals_of
+from haptic_accel.kits.export.signals import (
+    FrameRate,
+    Writer,
+    descriptions,
+    engagements,
+    frames_of,
+    recorded_rate,
+    signals_of,
+)
 
 
 @dataclass

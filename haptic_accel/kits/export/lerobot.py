@@ -37,9 +37,8 @@ from haptic_accel.bags import messages_of
 from haptic_accel.core import ALL_AXES, VIBRATION
 from haptic_accel.core.parameters import one_line, shown
 from haptic_accel.core.sampling import NANOSECONDS, IntArray
-from haptic_accel.kits.export import frames
-from haptic_accel.kits.export.frames import FrameRate, Frames, SingleArray
-from haptic_accel.kits.export.signals import UNITS_OF_STATE, Writer, descriptions, write_json
+from haptic_accel.kits.export import signals
+from haptic_accel.kits.export.signals import FrameRate, Frames, SingleArray
 from haptic_accel.kits.export.tables import write_parquet
 
 QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
@@ -324,7 +323,7 @@ INDICES = ("frame_index", "episode_index", "index", "task_index")
 
 
 @dataclass
-class LeRobotWriter(Writer):
+class LeRobotWriter(signals.Writer):
     """Writer of a dataset with an episode for each engagement of the arms.
 
     Parameters
@@ -364,7 +363,8 @@ class LeRobotWriter(Writer):
         ParameterError
             The bag has no engagement, or its rate or axes differ from earlier bags.
         """
-        rates, axes = FrameRate.of(self.fps, self.rate, frames.recorded_rate(bag)), bag.axes
+        rates = FrameRate.of(self.fps, self.rate, signals.recorded_rate(bag))
+        axes = bag.axes
         if (rates, axes) != (self._rates or rates, self._axes or axes):
             raise ParameterError(
                 f"{bag.path}: has {rates.recorded:g} Hz and axes {', '.join(axes.names)}: must be"
@@ -375,10 +375,10 @@ class LeRobotWriter(Writer):
         series.mkdir(parents=True)
         (self.folder / "data" / CHUNK).parent.mkdir(parents=True, exist_ok=True)
         write_parquet(bag, series)
-        about = descriptions(bag)
+        about = signals.descriptions(bag)
         self._about = {name: about[name] for name in ("exported_with", "published", "units")}
-        for begin, end, condition in frames.episodes(bag, about.pop("conditions")):
-            found = frames.frames_of(bag, begin, end, rates)
+        for begin, end, condition in signals.episodes(bag, about.pop("conditions")):
+            found = signals.frames_of(bag, begin, end, rates)
             if not len(found.times):
                 continue
             images = camera_frames(bag, self.cameras, found.times, self.fps)
@@ -452,8 +452,8 @@ class LeRobotWriter(Writer):
         tasks = pd.DataFrame({"task_index": self._tasks.values()})
         tasks.set_index(pd.Index(self._tasks, name="task")).to_parquet(meta / "tasks.parquet")
         parquet.write_table(pa.Table.from_pylist(self._episodes), meta / "episodes" / CHUNK)
-        write_json(meta / "stats.json", combined(self._statistics))
-        write_json(meta / "info.json", self._info())
+        signals.write_json(meta / "stats.json", combined(self._statistics))
+        signals.write_json(meta / "info.json", self._info())
 
     def _info(self) -> dict[str, Any]:
         return {
@@ -478,10 +478,10 @@ class LeRobotWriter(Writer):
         assert self._rates and self._axes
         samples, about = self._axes.sample_names(self._rates.samples), self._rates.description
         state, action = (
-            [f"{each.name}.{axis}" for each in signals for axis in ALL_AXES.names]
-            for signals in (frames.STATE, frames.ACTION)
+            [f"{each.name}.{axis}" for each in moved for axis in ALL_AXES.names]
+            for moved in (signals.STATE, signals.ACTION)
         )
-        units, window = list(UNITS_OF_STATE), ["m/s^2"] * len(samples)
+        units, window = list(signals.UNITS_OF_STATE), ["m/s^2"] * len(samples)
         named = {
             STATE_KEY: ([*state, *samples, VALID], [*units, *window, ""]),
             "action": (action, units),

@@ -21,7 +21,7 @@ from haptic_accel import Bag, FloatArray, ParameterError, resampled
 from haptic_accel.core import REDUCTIONS
 from haptic_accel.core.sampling import NANOSECONDS, SPARSE
 from haptic_accel.kits.export import signals
-from haptic_accel.kits.export.frames import CLOCKS, recorded_rate
+from haptic_accel.kits.export.signals import CLOCKS, recorded_rate
 
 RAW_AUDIO = "foxglove_msgs/msg/RawAudio"
 FIELDS = (

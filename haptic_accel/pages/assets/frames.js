@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// Decodes the frames that are described in haptic_accel/scope/frames.py.
+// Decodes the frames that are described in haptic_accel/scope/state.py.
 import { TRACES } from "./traces.js";
 
 /** Places of a frame of places: m, m/s, m, N, each along x and z. */

@@ -14,12 +14,12 @@ import pytest
 from band_noise import band_noise
 from scipy.spatial.transform import Rotation
 
+from haptic_accel.core.axes import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.control.channel import FADING, LISTENING
 from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.control.three_coils import Alignment, ReductionSwitch, full_decoupling
 from haptic_accel.core.handle.plant import MatrixPlant, Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, Vector, vector
-from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.tick import Trace
 from haptic_accel.core.tick.control import VectorConvolution
 

@@ -18,7 +18,7 @@ import yaml
 from haptic_accel.core.axes import ALL_AXES, along_actuator
 from haptic_accel.core.model import GRAVITY, ZERO, Vector, vector
 from haptic_accel.core.parameters import from_flat
-from haptic_accel.devices.serial.calibration import POSES
+from haptic_accel.devices.calibration import POSES
 from haptic_accel.devices.serial.device import CalibrationParameters, Sensor
 from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
 from haptic_accel.kits.emulators.ports import run

@@ -20,7 +20,7 @@ from haptic_accel.core.evaluation.metrics import indistinguishable
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import resampled
-from haptic_accel.kits.export.frames import FrameRate, engagements, frames_of, recorded_rate
+from haptic_accel.kits.export.signals import FrameRate, engagements, frames_of, recorded_rate
 from haptic_accel.kits.export.sound import write_wav
 
 SECONDS, RATE = 4.0, 1000.0
