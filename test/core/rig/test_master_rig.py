@@ -346,19 +346,26 @@ slow = st.tuples(*[st.floats(-0.05, 0.05)] * 3)
 
 @few
 @given(
-    speeds, speeds, st.floats(0.0, 1.0), st.floats(2e-3, 1.0), st.sampled_from([1000.0, 4000.0])
+    slow,
+    slow,
+    speeds,
+    st.floats(0.0, 1.0),
+    st.floats(2e-3, 1.0),
+    st.sampled_from([1000.0, 4000.0]),
 )
 def test_dry_friction_only_takes_energy(
-    handle: Vector, coil: Vector, friction: float, slip: float, rate: float
+    handle: Vector, coils: Vector, fast: Vector, friction: float, slip: float, rate: float
 ) -> None:
     drive = DriveParameters(coulomb_friction=friction, slip_velocity=slip)
     one = MasterRig(replace(STILL, drive=drive), rate)
-    one.disturb(handle[2], coil[2])
+    one.disturb(*fast[:2])
     three = ThreeAxisRig(replace(STILL_THREE, handle=LOSSLESS, drive=drive), rate)
-    three.disturb(handle, coil)
+    three.disturb(handle, coils)
     for rig in (one, three):
         for before, after in pairwise([rig.energy(), *run(rig, 0, 400, rate)]):
             assert after <= before * (1 + 1e-9) + 1e-15
+    # The stops of an undamped handle are not exact: they would be seen in place of the friction.
+    assert three.counters()["travel_stops_hit"] == 0
 
 
 # Energy
