@@ -19,7 +19,7 @@ ROOTS = "roots"
 
 BUDGETS = {
     ROOTS: 89,
-    "core": 14_536,
+    "core": 14_524,
     "analysis": 4_030,
     "nodes": 3_902,
     "kits/study": 3_858,

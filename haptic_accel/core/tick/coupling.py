@@ -75,11 +75,9 @@ class CountObserver:
         self._half_period: float = 0.5 / rate
         self._left: float = 1.0 - 1.0 / (1.0 + CORRECTION_TIME * rate)
         self._kept: float = 1.0 - 1.0 / (1.0 + STEP_MEMORY * rate)
-        self._is_known = False
         self._p_x = self._p_y = self._p_z = 0.0
         self._v_x = self._v_y = self._v_z = 0.0
-        self._s_x = self._s_y = self._s_z = 0.0
-        self.x = self.y = self.z = 0.0
+        self.restart()
 
     def restart(self) -> None:
         """Discard the motion and the steps."""

@@ -310,8 +310,6 @@ class DeviceSide:
         servo: Any = None,
         receive: Callable[[], None] | None = None,
     ) -> None:
-        self.device: Any = device
-        self.motion: SimulatedArm | None = None
         self.wants_contact = False
         self.safety: SafetyLayer = safety
         self.arm_limit: ArmLimit = safety.arm_limit
@@ -320,7 +318,6 @@ class DeviceSide:
         self.receive: Callable[[], None] | None = receive
         self.rate: float = rate
         self.latency: int = latency
-        self.sampling = True
         self.clock: Callable[[], float] | None = clock
         self.tick = self.unread = 0
         self.time = 0.0  # of the tick, s
@@ -338,22 +335,22 @@ class DeviceSide:
         self.timeout: int = max(1, round(SAMPLE_TIMEOUT * rate))
         self.waiting: list[int] = []
         self.work: ArmWork = ArmWork()
-        self.ring: list[ArmSample] = []
         self.last: int = round(MEMORY * rate) + 63
-        self.used = self.index = 0
+        self.index = 0
         self.start(device)
         self.samples: list[ArmSample] = []
         self.newest: ArmSample | None = None
-        self.is_measured = False
 
     # Samples
 
     def start(self, device: Any) -> None:
         """Restart with a device that has just been opened."""
-        self.device, self.sampling = device, True
+        self.device: Any = device
+        self.sampling = True
         # A simulated device is called without tuples, and writes its readings to the samples.
-        self.motion = getattr(device, "flat", None)
-        self.ring, self.used = [], 0
+        self.motion: SimulatedArm | None = getattr(device, "flat", None)
+        self.ring: list[ArmSample] = []
+        self.used = 0
         self.waiting.clear()
         before, self.work = self.work, ArmWork()
         self.work.unknown = before.unknown

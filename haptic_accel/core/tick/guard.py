@@ -298,7 +298,6 @@ class Coil(ActuatorGuard):
         self._rate: float = rate
         self.acceleration = self.held = 0.0
         self._has_ticked = False
-        self._ticked = self._since = 0.0
         # Integrals of the force, N s, and of its square, N^2 s, since the last update.
         self._impulse = self._heating = 0.0
 
@@ -334,7 +333,7 @@ class Coil(ActuatorGuard):
             time = now - self._since
             self._impulse += held * time
             self._heating += held * held * time
-        self._since = now
+        self._since: float = now
         self.held = force
 
 

@@ -33,9 +33,6 @@ FORCE_ROUNDING: float = 1e-9
 LOGGED_AFTER: float = 0.5
 """Duration above which missing commands are logged, s: shorter interruptions are only counted."""
 
-NOT_YET: float = -1e300
-"""Time before every command, s."""
-
 HELD_FORCE: str = "held (N)"
 """Name of the present force in diagnostics, after the name of its command."""
 
@@ -100,9 +97,8 @@ class ForceLimit:
         self._period: float = 1.0 / rate
         self._manual: bool = manual
         self.x = self.y = self.z = 0.0
-        self._commanded: float = NOT_YET
         self._expecting = False
-        self._latest = self._tripped_at = 0.0
+        self._commanded = self._latest = self._tripped_at = 0.0
         self.tripped: str = ""
         self.refused = True
         self.contested: str = ""

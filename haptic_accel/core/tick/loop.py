@@ -101,7 +101,6 @@ class CompensationPart:
         self.tools: list[ArmSample] = []
         self.handles: list[ArmSample] = []
         self.has_last = self.measured_across = self.is_handle_muted = False
-        self.last = 0
         self.axes: Any = compensation.axes
         self.concealments: list[LossConcealment] = [LossConcealment() for _ in self.axes.names]
         self.samples = self.lost = self.bridged = self.without = 0
@@ -189,7 +188,8 @@ class CompensationPart:
                 t_x, t_y, t_z = self.turned(t_x, t_y, t_z)
             if self.has_last and stamp - self.last >= 1.5 * self.period:
                 self.fill(stamp - self.last)
-            self.last, self.has_last = stamp, True
+            self.last: int = stamp
+            self.has_last = True
             # The first sample has no previous one.
             if not known and self.samples > 0:
                 self.without += 1

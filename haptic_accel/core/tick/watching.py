@@ -44,14 +44,12 @@ class DurationHistogram:
     """
 
     def __init__(self) -> None:
-        self.maximum: float = UNKNOWN
-        self._counts: list[int] = []
         self.reset()
 
     def reset(self) -> None:
         """Remove all durations."""
-        self._counts = [0] * (_BINS + 2)
-        self.maximum = UNKNOWN
+        self._counts: list[int] = [0] * (_BINS + 2)
+        self.maximum: float = UNKNOWN
 
     def add(self, seconds: float) -> None:
         """Add a duration.
@@ -171,14 +169,12 @@ class Trace:
     def __init__(self) -> None:
         import numpy as np
 
-        self.count = self.stored = 0
+        self.stored = 0
         self.kept = self.full = 1
-        self.limited: int = NEVER_LIMITED
-        self.latest: float = 0.0
         self.missing: list[float] = []
         self.saturated: list[float] = []
         self.signals: Any = [np.zeros(1) for _ in range(4)]
-        self._trim(0)
+        self.reset()
 
     def reset(self) -> None:
         """Discard all samples."""
