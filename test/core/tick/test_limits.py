@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from statistics import fmean
 
 import pytest
 from hypothesis import given
@@ -182,11 +183,13 @@ def test_a_force_above_its_peak_is_cut_and_keeps_its_direction() -> None:
     bench = Bench()
     bench.push(-50.0)
     assert bench.actuator == -COIL.peak_force
-    bench.pull((30.0, 0.0, 40.0))
-    assert bench.arm == pytest.approx(
-        (0.6 * safety.ARM_PEAK_FORCE, 0.0, 0.8 * safety.ARM_PEAK_FORCE)
-    )
-    assert bench.value("actuator force limited") == bench.value("arm force limited") == 1
+    for force in (1.0, 1.5, 10.0):
+        bench.pull((0.6 * force * safety.ARM_PEAK_FORCE, 0.0, 0.8 * force * safety.ARM_PEAK_FORCE))
+        assert bench.arm == pytest.approx(
+            (0.6 * safety.ARM_PEAK_FORCE, 0.0, 0.8 * safety.ARM_PEAK_FORCE)
+        )
+    assert bench.value("actuator force limited") == 1
+    assert bench.value("arm force limited") == 2
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
@@ -260,7 +263,8 @@ def test_a_time_out_is_never_shorter_than_some_periods() -> None:
 @pytest.mark.parametrize("age", [1.1 * safety.MAX_AGE, -1.1 * safety.MAX_AGE, math.nan, math.inf])
 def test_a_command_out_of_date_gives_zero_until_one_in_date(age: float) -> None:
     bench = Bench()
-    bench.command(1.0)
+    bench.command(1.0, math.copysign(safety.MAX_AGE, age))
+    assert (bench.actuator, bench.arm) == (1.0, (1.0, 0.0, 0.0))
     bench.command(2.0, age)
     assert (bench.actuator, bench.arm) == (0.0, ZERO)
     assert bench.layer.warnings() == ["arm force out of date", "actuator force out of date"]
@@ -293,6 +297,10 @@ def test_where_recovery_is_manual_only_arming_gives_forces_again(stale: bool) ->
     assert line.endswith("no force until armed again")
     bench.command(1.0)
     assert (bench.actuator, bench.arm) == (0.0, (1.0, 0.0, 0.0)), "each for itself"
+    assert commanded(bench.layer.actuator_limit, bench.now, FRESH, along_actuator(1.0)) is None
+    for rivals in ("/a and /b", ""):
+        bench.layer.note_rivals("actuator force", rivals)
+        bench.tick()
     assert bench.layer.diagnostics()["forces allowed"] == "false"
     assert bench.layer.warnings()[0].startswith("not armed: actuator force: ")
     assert bench.layer.arm() == ""
@@ -342,30 +350,36 @@ def test_a_force_that_two_nodes_command_is_refused_until_one_does() -> None:
 def test_each_lasting_fault_is_logged_once_at_its_start_and_at_its_end(recovery: str) -> None:
     bench = Bench(recovery=recovery)
     for _ in range(2):
-        bench.push(1.0)
-        bench.wait(2 * safety.ACTUATOR_TIMEOUT)
+        bench.command(1.0)
+        bench.wait(2 * safety.ARM_TIMEOUT)
         bench.tick()
         # A fault that ends by itself is told only where it lasts.
         bench.wait(0.9 * limits.LOGGED_AFTER)
-        assert bool(bench.layer.news(bench.now)) == (recovery == safety.MANUAL)
+        assert len(bench.layer.news(bench.now)) == (2 if recovery == safety.MANUAL else 0)
         bench.wait(0.2 * limits.LOGGED_AFTER)
-        assert bool(bench.layer.news(bench.now)) == (recovery != safety.MANUAL)
+        assert len(bench.layer.news(bench.now)) == (0 if recovery == safety.MANUAL else 2)
         assert bench.layer.news(bench.now) == []
         if recovery == safety.MANUAL:
             bench.layer.arm()
-        bench.push(1.0)
-        assert bench.layer.news(bench.now) == ["actuator force: allowed again"]
+        bench.command(1.0)
+        assert bench.layer.news(bench.now) == [
+            "arm force: allowed again",
+            "actuator force: allowed again",
+        ]
         assert bench.layer.news(bench.now) == []
+    assert bench.value("arm force timeouts") == bench.value("actuator force timeouts") == 2
 
 
 def test_a_force_that_two_nodes_command_has_no_other_news() -> None:
     bench = Bench()
     bench.push(1.0)
-    bench.layer.note_rivals("actuator force", "/a and /b")
-    bench.layer.news(bench.now)
     bench.wait(2 * safety.ACTUATOR_TIMEOUT)
     bench.tick()
     bench.wait(2 * limits.LOGGED_AFTER)
+    assert len(bench.layer.news(bench.now)) == 1
+    bench.layer.note_rivals("actuator force", "/a and /b")
+    bench.tick()
+    assert bench.layer.news(bench.now) == [], "not that it is allowed again"
     assert bench.layer.news(bench.now) == [
         "actuator force: no force while it is sent by /a and /b"
     ]
@@ -388,18 +402,30 @@ def test_a_faulty_device_holds_no_force_but_has_a_last_one() -> None:
         assert values[f"arm force {suffix}"] == values[f"actuator force {suffix}"] == "0.500"
 
 
-def test_a_held_force_ends_though_neither_of_two_senders_goes_on() -> None:
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_a_held_force_ends_as_a_second_sender_appears(goes_on: bool) -> None:
     bench = Bench()
     bench.push(1.0)
     bench.layer.note_rivals("actuator force", "/a and /b")
-    bench.wait(2 * safety.ACTUATOR_TIMEOUT)
-    bench.tick()
+    if goes_on:
+        bench.push(1.0)
+    else:
+        bench.tick()
     assert bench.actuator == 0.0
 
 
-def test_a_new_layer_allows_no_force() -> None:
-    layer = SafetyLayer(safety.MasterSafetyParameters(), RATE)
-    assert commanded(layer.actuator_limit, 0.0, FRESH, along_actuator(1.0)) is None
+def test_a_new_layer_has_no_force_and_allows_none() -> None:
+    layer = SafetyLayer(safety.MasterSafetyParameters(recovery=safety.MANUAL), RATE)
+    assert [layer.stopped, layer.active] == [False, False]
+    for now in (1000.0, 1000.5):
+        assert ticked(layer, now, None) is None
+        assert commanded(layer.actuator_limit, now, FRESH, along_actuator(1.0)) is None
+        assert commanded(layer.arm_limit, now, FRESH, (1.0, 0.0, 0.0)) is None
+    assert (layer.news(1001.0), layer.warnings()) == ([], [limits.NOT_ACTIVE])
+    told = layer.diagnostics()
+    assert told["arm force held (N)"] == told["actuator force held (N)"] == "0.000"
+    assert told["actuator force heat left (%)"] == "100.0"
+    assert told["actuator force travel (mm)"] == "0.00"
 
 
 def test_a_device_without_an_actuator_gets_no_force_for_one() -> None:
@@ -439,15 +465,6 @@ def test_a_coil_driven_at_its_peak_ends_at_what_it_bears() -> None:
     assert bench.value("actuator force limited by heat") > 1500
 
 
-def test_a_device_that_stood_still_knows_that_its_coil_did_not_cool() -> None:
-    bench = Bench(actuator__command_timeout=10.0)
-    bench.run([2.0])
-    bench.wait(COIL.thermal_time)
-    bench.tick()
-    left = 1.0 - (2.0 / COIL.continuous_force) ** 2 * -math.expm1(-1.0)
-    assert bench.value("actuator force heat left (%)") == pytest.approx(100 * left, abs=0.1)
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_force_that_would_press_the_actuator_on_its_stop_is_held_back(sign: float) -> None:
     bench = Bench()
@@ -460,9 +477,9 @@ def test_a_force_that_would_press_the_actuator_on_its_stop_is_held_back(sign: fl
     assert bench.actuator == -0.5 * sign, "what pulls it back is not touched"
 
 
-@pytest.mark.parametrize("periods", [1, 3, 1000])
-def test_the_layer_knows_where_the_actuator_is_however_long_a_tick_takes(periods: int) -> None:
+def test_the_layer_knows_where_the_actuator_is_after_a_long_pause() -> None:
     layer, estimator, handle = three(), TravelEstimator(COIL, RATE), (9.81, 4.0, -2.0)
+    periods = 1000
     assert layer.actuator_limit
     for tick in range(3):
         ticked(layer, tick * periods * PERIOD, handle)
@@ -472,13 +489,63 @@ def test_the_layer_knows_where_the_actuator_is_however_long_a_tick_takes(periods
     assert [coil.travel for coil in layer.actuator_limit.coils] == expected
 
 
-def test_a_held_force_is_held_back_too() -> None:
+@pytest.mark.parametrize("axis", range(3))
+def test_a_held_force_is_held_back_too(axis: int) -> None:
+    layer, held = three(actuator__command_timeout=10.0), [0.0, 0.0, 0.0]
+    held[axis] = 3.0
+    commanded(layer.actuator_limit, 0.0, FRESH, (held[0], held[1], held[2]))
+    for tick in range(200):
+        held = [*(ticked(layer, tick * PERIOD, ZERO) or held)]
+    assert 0.0 <= held[axis] == sum(held) < 3.0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("force", [0.0, 0.1])
+def test_a_coil_that_would_have_to_brake_gets_no_more_than_it_is_given(
+    force: float, sign: float
+) -> None:
     bench = Bench(actuator__command_timeout=10.0)
-    bench.push(3.0)
+    bench.push(-sign * force)
     for _ in range(200):
-        bench.tick()
+        assert ticked(bench.layer, bench.now, along_actuator(100.0 * sign)) is None
         bench.wait(PERIOD)
-    assert 0.0 <= bench.actuator < 3.0
+    assert bench.value("actuator force held (N)") == force
+    assert (bench.value("actuator force limited by travel") > 0) == (force > 0.0)
+
+
+uneven_ticks = st.lists(
+    st.tuples(
+        st.integers(1, 5),  # periods
+        st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=3),
+        st.floats(-5.0, 5.0),
+    ),
+    min_size=1,
+    max_size=20,
+)
+
+
+@given(uneven_ticks)
+def test_travel_and_heat_are_those_of_the_forces_between_ticks(
+    ticks: list[tuple[int, list[float], float]],
+) -> None:
+    time_constant, heat = 0.05, 0.0
+    bench = Bench(actuator__command_timeout=10.0, actuator__thermal_time=time_constant)
+    limit, estimator = bench.layer.actuator_limit, TravelEstimator(COIL, RATE)
+    assert limit
+    bench.tick()
+    for periods, forces, handle in ticks:
+        acted = []
+        for force in forces:
+            bench.push(force)
+            acted.append(bench.actuator)
+            bench.wait(periods * PERIOD / len(forces))
+        bench.tick(handle)
+        for _ in range(periods):
+            estimator.observe(fmean(acted), handle)
+        square = fmean(force * force for force in acted)
+        heat -= math.expm1(-periods * PERIOD / time_constant) * (square - heat)
+        assert limit.coils[0].travel == pytest.approx(estimator.travel, abs=1e-9)
+        assert limit.coils[0].heat == pytest.approx(heat, abs=1e-9)
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e300, None])
@@ -525,6 +592,17 @@ def test_a_force_grows_no_faster_than_its_slew_rate_and_falls_at_once() -> None:
     bench.wait(PERIOD)
     bench.command(1.0)
     assert (bench.actuator, bench.arm) == (pytest.approx(0.1), pytest.approx((0.1, 0.0, 0.0)))
+
+
+def test_commands_between_ticks_make_no_force_grow_faster() -> None:
+    rate = 1024.0
+    bench = Bench(rate=rate, actuator__slew_rate=0.5)
+    most = 0.5 / rate
+    for wait, force, expected in ((1.0, 1.0, 1.0), (0.0, 1.0, 1.0), (1.0, 2.0 * most, 2.0)):
+        bench.wait(wait / rate)
+        bench.push(force)
+        assert bench.actuator == expected * most
+    assert bench.value("actuator force slewed") == 2, "the last was as large as allowed"
 
 
 def test_what_the_compensator_lets_through_passes_unchanged() -> None:
@@ -596,6 +674,10 @@ def test_a_force_with_a_bad_component_is_rejected_as_a_whole(wrong: float, axis:
     assert layer.warnings() == ["actuator force not finite"]
 
 
-def test_a_device_applies_no_force_along_axes_that_it_does_not_have() -> None:
-    layer = Bench(axes=Axes(("x", "y"))).layer
-    assert commanded(layer.actuator_limit, 0.0, FRESH, (1.0, 2.0, 3.0)) == (1.0, 2.0, 0.0)
+@pytest.mark.parametrize("names", ["x", "y", "z", "xy", "xz", "yz"])
+def test_a_device_applies_no_force_along_axes_that_it_does_not_have(names: str) -> None:
+    layer = Bench(axes=Axes(tuple(names))).layer
+    expected = tuple(
+        force if axis in names else 0.0 for axis, force in zip("xyz", (1.0, 2.0, 3.0), strict=True)
+    )
+    assert commanded(layer.actuator_limit, 0.0, FRESH, (1.0, 2.0, 3.0)) == expected

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.tick.loss_concealment import HISTORY, LossConcealment
+from haptic_accel.core.tick.loss_concealment import HISTORY, RIDGE, LossConcealment
 
 
 def bridge_over(samples: list[float]) -> LossConcealment:
@@ -35,6 +35,12 @@ def test_without_samples_zero_is_predicted_and_rest_stays_rest() -> None:
     assert LossConcealment().predict(2) == [0.0, 0.0]
     assert bridge_over([math.nan, math.inf, -math.inf]).predict(2) == [0.0, 0.0]
     assert bridge_over([9.81] * 10).predict(3) == pytest.approx([9.81] * 3)
+
+
+def test_two_samples_go_on_by_their_correlation() -> None:
+    # They are -1 and 1 from their mean: as large a product as power, which noise increases.
+    (predicted,) = bridge_over([0.0, 2.0]).predict(1)
+    assert predicted == pytest.approx(1.0 - 0.5 / (1.0 + RIDGE), rel=1e-9)
 
 
 @given(st.lists(st.floats(-1e3, 1e3), max_size=2 * HISTORY))

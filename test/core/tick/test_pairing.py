@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -29,23 +30,36 @@ def test_samples_of_one_tick_belong_together_whoever_comes_first() -> None:
     put(pairing, 0, 5)
     assert pairing.waiting
     assert ticks(pairing) == []
-    put(pairing, 1, 5, offset=700)
+    put(pairing, 1, 5, offset=PERIOD // 2)
     assert ticks(pairing) == [(5.0, 5.0)]
     assert not pairing.waiting
     put(pairing, 1, 6)
-    put(pairing, 0, 6, offset=-900)
+    put(pairing, 0, 6, offset=PERIOD // 2)
     assert ticks(pairing) == [(6.0, 6.0)]
     assert pairing.held == 0
 
 
-def test_for_a_lost_sample_the_one_before_stands() -> None:
+@pytest.mark.parametrize("arm", [0, 1])
+def test_for_a_lost_sample_the_one_before_stands(arm: int) -> None:
     pairing = Pairing(1000.0, 100)
     for tick in (1, 2, 3, 4):
-        put(pairing, 0, tick)
+        put(pairing, 1 - arm, tick)
     for tick in (1, 4):
-        put(pairing, 1, tick)
-    assert ticks(pairing) == [(1.0, 1.0), (2.0, 1.0), (3.0, 1.0), (4.0, 4.0)]
+        put(pairing, arm, tick)
+    found = [(pair[1 - arm], pair[arm]) for pair in ticks(pairing)]
+    assert found == [(1.0, 1.0), (2.0, 1.0), (3.0, 1.0), (4.0, 4.0)]
     assert pairing.held == 2
+
+
+@pytest.mark.parametrize("arm", [0, 1])
+def test_the_oldest_is_dropped_and_nothing_stands_for_a_first_sample(arm: int) -> None:
+    pairing = Pairing(1000.0, longest=2)
+    for tick in (1, 2, 3, 4):
+        put(pairing, 1 - arm, tick)
+    for tick in (1, 3):
+        put(pairing, arm, tick)
+    assert ticks(pairing) == [(3.0, 3.0)]
+    assert pairing.held == 0
 
 
 @given(st.lists(st.sampled_from([0, 1]), min_size=1, max_size=200))

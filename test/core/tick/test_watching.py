@@ -42,7 +42,7 @@ def test_count_and_maximum_are_exact_for_any_numbers(durations: list[float]) -> 
 def test_the_shortest_are_kept_together() -> None:
     histogram = filled([-1.0, 0.0, 1.0e-9, 0.5])
     assert histogram.count == 4
-    assert histogram.quantile(0.75) <= SHORTEST
+    assert histogram.quantile(0.75) == SHORTEST
     assert histogram.quantile(0.76) == 0.5
 
 
@@ -52,11 +52,13 @@ def test_the_longest_are_kept_together() -> None:
     assert histogram.quantile(0.6) >= LONGEST_DURATION
     assert histogram.maximum == 1.0e4
     assert filled([math.inf]).maximum == math.inf
+    apart = filled([LONGEST_DURATION, 1.0e3])
+    assert apart.quantile(0.5) == pytest.approx(LONGEST_DURATION, rel=0.01)
 
 
 def test_empty_has_no_quantile_and_no_maximum() -> None:
     histogram = DurationHistogram()
-    assert histogram.count == 0
+    assert (histogram.count, histogram.diagnostics("age")) == (0, {})
     assert math.isnan(histogram.maximum)
     assert math.isnan(histogram.quantile(0.5))
 
@@ -93,6 +95,9 @@ def test_the_summary_has_every_reported_quantile_and_the_maximum() -> None:
     assert summary["p50"] == pytest.approx(500e-6, rel=0.01)
     assert summary["p99_9"] == pytest.approx(999e-6, rel=0.01)
     assert summary["max"] == 1000 * 1e-6
+    told = histogram.diagnostics("age")
+    assert list(told) == [f"age {label} (us)" for label in summary]
+    assert told["age max (us)"] == "1000.0"
 
 
 measurements = st.lists(st.sampled_from([0.5, 2.0, math.nan, math.inf]), max_size=50)
@@ -117,3 +122,5 @@ def test_a_trace_has_the_latest_samples_and_their_gaps(measured: list[float], ke
     assert trace.count == len(measured)
     trace.reset()
     assert (trace.count, trace.stored, trace.missing, trace.saturated) == (0, 0, [], [])
+    trace.push(0.0, math.nan, 0.0, 0.0)
+    assert trace.measured[0] == 0.0, "nothing was measured since"
