@@ -116,7 +116,7 @@ def test_engaging_waits_for_every_subscriber_but_does_not_end_with_one() -> None
 def test_a_position_where_no_arm_can_be_ends_the_engagement(run: Run, x: float) -> None:
     run.step()
     run.now += 0.001
-    assert run.position("slave", 0.004)
+    assert run.position("slave", -0.04)
     assert not run.engagement.due(run.now)
     run.now += 0.001
     assert not run.position("slave", x)
@@ -156,10 +156,10 @@ def test_positions_that_jump_to_and_fro_never_engage_and_say_why(run: Run) -> No
 
 @pytest.mark.parametrize("rate", [30.0, 200.0, 1000.0])
 def test_an_arm_that_moves_with_a_hand_stays_coupled(run: Run, rate: float) -> None:
-    run.step()
-    for n in range(1, 100):
+    for n in range(100):
         run.now += 1 / rate
-        assert all(run.position(arm, 1.5 * n / rate) for arm in ARMS)
+        way = 1.0 * n / rate
+        assert all(run.position(arm, 0.2 + way, -0.3 + way, 0.1 - way) for arm in ARMS)
         run.engagement.decide(run.now, 2)
     assert run.engagement.engaged
 

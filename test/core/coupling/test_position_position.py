@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.coupling.passive import CouplingParameters
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.tick import PositionPositionCoupling
+from haptic_accel.core.tick import PairCoupling, PositionPositionCoupling
 
 positions = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
 velocities = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
@@ -65,6 +65,17 @@ def test_without_engaging_there_is_no_force(
     coupling.disengage()
     assert not coupling.engaged
     assert coupling.forces(*arguments) == (ZERO, ZERO)
+
+
+def test_the_interface_couples_arms_without_a_force() -> None:
+    coupling = PairCoupling()
+    told = [coupling.engaged]
+    coupling.engage(ZERO, ZERO)
+    told.append(coupling.engaged)
+    coupling.disengage()
+    assert [*told, coupling.engaged] == [False, True, False]
+    assert (coupling.stiffness, coupling.scale) == (0.0, 1.0)
+    assert coupling.forces((0.001, 0.0, 0.0), ZERO) == (ZERO, ZERO)
 
 
 def test_engaging_again_starts_from_there() -> None:

@@ -66,15 +66,45 @@ def test_lost_samples_of_the_tool_are_predicted_unless_they_are_many(
     for tick in (1, 3, 6, 106):
         part.put_tool(ArmSample(tick * PERIOD, acceleration=along_actuator(1.0)))
     assert len(stamps(part, 106 * PERIOD + LATE)) == 4
-    assert (part.lost, part.bridged) == (102, 3)
+    assert (part.samples, part.lost, part.bridged) == (4, 102, 3)
 
 
-def test_of_the_samples_of_two_ticks_each_finds_its_own(part: CompensationPart) -> None:
-    part.longest = 2
+@pytest.mark.parametrize(
+    ("offset", "without"),
+    [(-PERIOD // 2, 0), (-PERIOD // 2 - 1, 1), (PERIOD // 2 - 1, 0), (PERIOD // 2, 1)],
+)
+def test_a_handles_sample_is_of_the_nearest_tick(
+    part: CompensationPart, offset: int, without: int
+) -> None:
+    part.put_tool(ArmSample(4 * PERIOD, acceleration=along_actuator(1.0)))
+    stamps(part, 4 * PERIOD + LATE)
+    part.put_tool(ArmSample(5 * PERIOD, acceleration=along_actuator(1.0)))
+    part.put_handle(ArmSample(4 * PERIOD + offset, acceleration=along_actuator(0.5)))
+    # It is waited for until half a period before the force is due.
+    assert stamps(part, 5 * PERIOD + PERIOD // 2) == [5 * PERIOD]
+    assert part.without == without
+
+
+@pytest.mark.parametrize(
+    ("measured", "across"),
+    [((0.0, 0.0, 1.0), False), ((1.0, 0.0, 0.0), True), ((0.0, 1.0, 0.0), True)],
+)
+def test_a_tool_that_measures_across_the_actuator_is_known(
+    part: CompensationPart, measured: Vector, across: bool
+) -> None:
+    for acceleration in (measured, along_actuator(2.0)):
+        part.put_tool(ArmSample(PERIOD, acceleration=acceleration))
+        assert part.measured_across == across
+
+
+def test_of_the_samples_of_two_ticks_each_finds_its_own() -> None:
+    compensation = Compensation(CompensationParameters(controller="constant"), RATE)
+    part = CompensationPart(compensation, RATE, latency=1)
     part.put_tool(ArmSample(4 * PERIOD, acceleration=along_actuator(1.0)))
     stamps(part, 4 * PERIOD + LATE)
     for tick in range(1, 6):
         part.put_handle(ArmSample(tick * PERIOD, acceleration=along_actuator(0.5)))
+    assert len(part.handles) == 2
     for tick in (5, 6):
         part.put_tool(ArmSample(tick * PERIOD, acceleration=along_actuator(1.0)))
     assert stamps(part, 6 * PERIOD) == [5 * PERIOD, 6 * PERIOD]
@@ -99,17 +129,17 @@ def test_a_turned_handle_gets_the_tools_vibration_in_its_own_axes() -> None:
     part = CompensationPart(Passing(), RATE, latency=1)
     part.put_tool(ArmSample(PERIOD, acceleration=(1.0, 2.0, 3.0)))
     found = [caused.desired_acceleration for caused in forces(part, PERIOD + LATE)]
-    part.orientation = 0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)  # a quarter turn about z
+    part.orientation = math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)  # a quarter turn about x
     part.put_tool(ArmSample(2 * PERIOD, acceleration=(1.0, 2.0, 3.0)))
     part.put_tool(
         ArmSample(3 * PERIOD, acceleration=along_actuator(3.0))
     )  # of a sensor with one axis
     found += [caused.desired_acceleration for caused in forces(part, 3 * PERIOD + LATE)]
-    part.set_count_force(1.0, 2.0, 3.0)
+    part.set_count_force(0.0, 0.0, 3.0)
     each = part.compensation
-    assert (each.count_x, each.count_y, each.count_z) == found[1]
+    assert (each.count_x, each.count_y, each.count_z) == pytest.approx((0.0, 3.0, 0.0))
     assert found[0] == (1.0, 2.0, 3.0)
-    assert found[1] == pytest.approx((2.0, -1.0, 3.0))
+    assert found[1] == pytest.approx((1.0, 3.0, -2.0))
     assert found[2] == along_actuator(3.0)
 
 
@@ -117,13 +147,13 @@ def test_nothing_is_predicted_from_a_sample_with_an_axis_that_is_no_number() -> 
     passing = Passing()
     part = CompensationPart(passing, RATE, latency=1)
     for tick in range(30):
-        tool = (math.nan, 1000.0, 1000.0) if tick % 3 else (1.0, 1.0, 1.0)
+        tool = (math.nan, 1000.0, 1000.0) if tick % 3 else (0.5, 0.5, 0.5)
         part.put_tool(ArmSample(tick * PERIOD, acceleration=tool))
         forces(part, tick * PERIOD + LATE)
     part.put_tool(ArmSample(40 * PERIOD, acceleration=(1.0, 1.0, 1.0)))
     forces(part, 40 * PERIOD + LATE)
     assert part.bridged == 10
-    assert all(max(map(abs, tool)) <= 1.0 for tool in passing.given[30:])
+    assert all(max(map(abs, tool)) <= 0.5 for tool in passing.given[30:40])
 
 
 def test_what_waits_can_be_forgotten(part: CompensationPart) -> None:

@@ -54,7 +54,9 @@ def test_arms_are_free_until_they_engage_where_they_are_then(part: CouplingPart)
     put(part, 1, MASTER, 0.05)
     put(part, 1, SLAVE, 0.2)
     assert commands(part) == []
+    assert (part.engaged, part.pairing.waiting) == (False, False)
     assert part.poll(0.001, listeners=1).engage
+    assert [part.is_due(moment) for moment in (0.002, 0.0209, 0.0211)] == [False, False, True]
     for tick, height in ((2, 0.05), (3, 0.06)):
         put(part, tick, MASTER, height)
         put(part, tick, SLAVE, 0.2)
@@ -78,18 +80,54 @@ def test_a_sample_waits_for_that_of_the_other_arm(part: CouplingPart) -> None:
     assert not part.pairing.waiting
 
 
-def test_arms_are_free_again_when_one_falls_silent(part: CouplingPart) -> None:
+def test_without_longer_queues_the_newest_sample_counts(part: CouplingPart) -> None:
+    part = CouplingPart(PositionPositionCoupling(PARAMETERS), part.engagement, RATE)
+    put(part, 1, MASTER, 0.0)
+    put(part, 1, SLAVE, 0.0)
+    part.poll(0.001, listeners=1)
+    commands(part)
+    for tick in (2, 3):
+        put(part, tick, MASTER, 0.0)
+    put(part, 2, SLAVE, 0.0)
+    caused = [stamp for _, stamp, _ in commands(part)]
+    assert caused == [2_000_000, 1_000_000], "the master's of that tick was dropped"
+
+
+@pytest.mark.parametrize("silent", [True, False])
+def test_arms_that_were_released_stay_free(part: CouplingPart, silent: bool) -> None:
     put(part, 1, MASTER, 0.0)
     put(part, 1, SLAVE, 0.0)
     part.poll(0.001, listeners=1)
     commands(part)
     assert part.engaged
-    decision = part.poll(0.001 + RELEASED + STEP_PERIOD, listeners=1)
-    assert decision.release
-    assert not part.engaged
-    put(part, 150, MASTER, 0.0)
-    put(part, 150, SLAVE, 0.0)
+    last = 2
+    if silent:
+        last = round((0.001 + RELEASED + STEP_PERIOD) * RATE)
+    else:
+        part.engagement.request(False)
+    assert part.poll(last / RATE, listeners=1).release
+    for tick in (last, last + 1):
+        put(part, tick, MASTER, 0.0)
+        put(part, tick, SLAVE, 0.0)
     assert commands(part) == []
+    assert (part.engaged, part.pairing.waiting) == (False, False)
+
+
+@pytest.mark.parametrize("arm", [MASTER, SLAVE])
+def test_a_jump_of_one_arm_causes_no_force_and_is_decided_on_at_once(
+    part: CouplingPart, arm: str
+) -> None:
+    for tick in (1, 2, 3):
+        for each in (MASTER, SLAVE):
+            put(part, tick, each, 0.5 if tick > 1 and each == arm else 0.0)
+        if tick == 1:
+            part.poll(0.001, listeners=1)
+            commands(part)
+            assert not part.is_due(0.002)
+    assert commands(part) == []
+    assert not part.pairing.waiting
+    assert part.is_due(0.003)
+    assert part.poll(0.003, listeners=1).release
 
 
 def test_a_silence_that_nobody_looked_at_ends_the_engagement(part: CouplingPart) -> None:
@@ -128,7 +166,11 @@ def test_the_force_due_to_rounding_is_that_of_counts_less_that_of_the_motion(sca
             height = 1e-3 * now + 40e-6 * math.sin(turn * now)
             speed = 1e-3 + 40e-6 * turn * math.cos(turn * now)
             counted = round(height / count) * count
-            put(part, tick, arm, counted, speed)
+            sample = ArmSample(
+                tick * 1_000_000, (counted, -counted, counted), (speed, -speed, speed)
+            )
+            sample.arm = ARMS.index(arm)
+            part.put(sample, now)
             places.append(counted - height)
         part.poll(now, listeners=1)
         commands(part)
@@ -136,7 +178,7 @@ def test_the_force_due_to_rounding_is_that_of_counts_less_that_of_the_motion(sca
             wanted = 100.0 * (places[1] / scale - places[0])
             wanted_forces.append(wanted)
             differing.append(part.count_z - wanted)
-    assert (part.count_x, part.count_y) == (0.0, 0.0)
+        assert (part.count_x, -part.count_y) == (part.count_z, part.count_z)
     assert math.hypot(*differing) < 0.4 * math.hypot(*wanted_forces)
     # As it is let go, nothing is left.
     part.poll(3.0 + RELEASED + STEP_PERIOD, listeners=1)
@@ -214,6 +256,20 @@ def test_the_estimate_is_never_farther_away_than_the_largest_unexplained_step(
     largest = max(abs(np.diff(measured) - explained))
     error = estimated(measured, velocity, rate) - measured
     assert max(abs(error)) <= largest + 1e-12
+
+
+def test_a_count_fades_with_one_time_constant_and_bounds_the_rest_with_another() -> None:
+    observer, still = CountObserver(1000.0), (1e-300,) * 3
+
+    def rest(places: list[float]) -> float:
+        return [rounding(observer, (place,) * 3, still)[2] for place in places][-1]
+
+    # Lags of 20 ms and of 1 s by backward Euler: T / (T + 1 ms) remains after a sample.
+    assert rest([0.0] + [COUNT] * 50) == pytest.approx(COUNT * (20 / 21) ** 50)
+    # Half a count in each sample would add up to ten; the whole one, 100 samples ago, bounds it.
+    observer.restart()
+    places = [0.0] + [COUNT * (1.0 + 0.5 * sample) for sample in range(101)]
+    assert rest(places) == pytest.approx(COUNT * (1000 / 1001) ** 100, rel=1e-9)
 
 
 def test_after_a_restart_the_measured_position_counts() -> None:

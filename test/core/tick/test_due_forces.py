@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.model import Vector
 from haptic_accel.core.tick import DueForces
-from haptic_accel.core.tick.device_side import FLOWING, IN_TIME
+from haptic_accel.core.tick.device_side import FLOWING, IN_TIME, STRAGGLING
 
 PERIOD = 1e-3
 """Period of the grid, s."""
@@ -25,7 +27,7 @@ def put(forces: DueForces, sample: int) -> None:
 
 def pop(forces: DueForces, tick: int, *, ahead: bool = False) -> int | None:
     """Return the stamp of the force taken, which is the number of its sample."""
-    if not forces.pop(tick, ahead):
+    if not (forces.pop(tick, True) if ahead else forces.pop(tick)):
         return None
     assert (forces.x, forces.y, forces.z) == force(forces.stamp)
     return forces.stamp
@@ -45,15 +47,24 @@ def test_a_force_in_time_is_applied_at_its_tick_and_neither_earlier_nor_later(
     assert (forces.due, forces.past_tick) == (100, 0)
 
 
-@pytest.mark.parametrize(("latency", "counts"), [(0, (0, 0)), (1, (1, 1))])
+def test_forces_that_come_in_any_order_are_each_applied_at_their_tick() -> None:
+    for order in itertools.permutations(range(5)):
+        forces = DueForces(5, PERIOD)
+        for sample in order:
+            put(forces, sample)
+        assert [pop(forces, tick) for tick in range(5, 10)] == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(("latency", "counts"), [(0, (0, 0, 0)), (1, (1, 1, 1))])
 def test_a_force_that_comes_after_its_tick_is_there_at_once_and_counted_if_it_was_due(
-    latency: int, counts: tuple[int, int]
+    latency: int, counts: tuple[int, int, int]
 ) -> None:
     forces = DueForces(latency, PERIOD)
     assert pop(forces, 5 + latency) is None
     put(forces, 5)
     assert pop(forces, 5 + latency) == 5
-    assert (forces.due, forces.past_tick) == counts
+    forces.took_effect(1.0)
+    assert (forces.due, forces.past_tick, forces.missed) == counts
 
 
 @given(st.lists(st.tuples(st.integers(0, 30), st.integers(0, 6)), max_size=60), st.integers(1, 4))
@@ -127,6 +138,7 @@ def test_pauses_add_up_and_the_longest_is_known() -> None:
     assert forces.late_time == pytest.approx(2e-3 + 0.5e-3)
     forces.reset_counts()
     assert (forces.due, forces.missed, forces.longest, forces.late_time) == (0, 0, 0.0, 0.0)
+    assert (forces.late_before, forces.age.count) == (0, 0), "none was written"
 
 
 @pytest.mark.parametrize(("share", "missed"), [(0.9, 0), (1.1, 1)])
@@ -160,6 +172,26 @@ def test_a_straggler_that_never_takes_effect_is_missed() -> None:
     assert (forces.due, forces.missed) == (2, 1)
 
 
+def test_time_in_which_forces_were_late_together_begins_with_the_first() -> None:
+    forces = DueForces(1, PERIOD)
+    put(forces, 8)
+    assert pop(forces, 9) == 8
+    put(forces, 7)
+    forces.took_effect(12e-3)
+    assert forces.late_time == pytest.approx(12e-3 - 8e-3)
+
+
+@pytest.mark.parametrize(("overtaken", "taken"), [(STRAGGLING, None), (STRAGGLING + 1, 10)])
+def test_only_a_force_that_was_overtaken_by_far_is_left_to_the_safety_layer(
+    overtaken: int, taken: int | None
+) -> None:
+    forces = DueForces(1, PERIOD)
+    put(forces, 10 + overtaken)
+    pop(forces, 11 + overtaken)
+    put(forces, 10)
+    assert pop(forces, 11 + overtaken) == taken
+
+
 @pytest.mark.parametrize(("now", "missed"), [(10.5e-3, 0), (12.2e-3, 0), (12.4e-3, 1)])
 def test_a_force_taken_ahead_is_missed_only_if_given_to_the_device_late(
     now: float, missed: int
@@ -176,7 +208,8 @@ def test_a_force_taken_ahead_is_missed_only_if_given_to_the_device_late(
 def test_a_command_is_missing_while_others_came_a_short_time_ago(
     latency: int, ahead: bool
 ) -> None:
-    forces = DueForces(latency, PERIOD, ahead)
+    forces = DueForces(latency, PERIOD, True) if ahead else DueForces(latency, PERIOD)
+    assert forces.ahead == (ahead and latency > 0)
     assert not forces.is_missing(10), "none ever came"
     put(forces, 10)
     # The command for tick t is that of the sample so many ticks before; none is ahead of its tick.
