@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -13,18 +14,20 @@ from haptic_accel.core.actuator import (
     ARM_PEAK_FORCE,
     ARM_TIMEOUT,
     MAX_AGE,
+    ActuatorCommandLimits,
     ActuatorParameters,
     MasterSafetyParameters,
 )
-from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
+from haptic_accel.core.axes import ACTUATOR_AXIS, ALL_AXES, along_actuator
 from haptic_accel.core.model import LATER, ZERO, Reading, Sample, Vector
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.simulated_rig import rig_side
 from haptic_accel.core.tick import ACTUATOR, ARM, ArmSample, ArmWork, DeviceSide, SafetyLayer
-from haptic_accel.core.tick.device_side import SAMPLE_TIMEOUT
+from haptic_accel.core.tick.device_side import MEMORY, SAMPLE_TIMEOUT
 from haptic_accel.core.tick.samples import KEPT
 
 RATE = 1000.0
+COIL = ActuatorParameters()
 SPEED = 0.1
 """Speed of the arm along each axis, m/s."""
 
@@ -79,6 +82,8 @@ def serve(
 @pytest.mark.parametrize("latency", [0, 1, 3])
 def test_a_force_takes_effect_when_it_is_due(rig: Rig, latency: int) -> None:
     master = side(rig, latency)
+    master.command(ARM, 0.0, *ZERO)  # before the first tick
+    assert master.forces[ARM].newest == 0
     for tick in range(latency):
         serve(master, tick, (0.0, 0.0, 1.0), 0.2)
         assert (rig.arm, rig.actuator) == ([], [])
@@ -169,10 +174,19 @@ class Clock:
 STILL = Sample(ZERO, ZERO, ZERO)
 
 
-def clocked(device: Slow, clock: Clock, **options: Any) -> DeviceSide:
-    safety = SafetyLayer(MasterSafetyParameters(hardware=ActuatorParameters()), RATE)
+LIMITS = MasterSafetyParameters(hardware=ActuatorParameters())
+
+
+def clocked(
+    device: Slow,
+    clock: Clock | None,
+    rate: float = RATE,
+    limits: MasterSafetyParameters = LIMITS,
+    **options: Any,
+) -> DeviceSide:
+    safety = SafetyLayer(limits, rate, ALL_AXES)
     safety.enable(0.0, True)
-    return DeviceSide(device, safety, RATE, 1, clock, **options)
+    return DeviceSide(device, safety, rate, 1, clock, **options)
 
 
 def test_a_sample_that_comes_later_is_the_one_of_its_tick() -> None:
@@ -183,9 +197,10 @@ def test_a_sample_that_comes_later_is_the_one_of_its_tick() -> None:
         part.read()
         assert part.samples == []
         assert not part.complete
-    device.readings = [STILL, None]
+    device.readings = [None, STILL]
     part.read()
-    assert [(each.tick, each.sample, each.contact) for each in part.samples] == [(5, STILL, None)]
+    assert [(each.arm, each.tick, each.sample) for each in part.samples] == [(0, 6, STILL)]
+    assert part.samples[0].contact is None
     assert device.asked[-2:] == [0.005, 0.006]
     assert (part.unread, part.complete) == (1, True)
     part.wants_contact, device.readings = True, [STILL]
@@ -229,15 +244,23 @@ def test_a_position_is_held_until_a_force_comes_or_the_device_is_stopped() -> No
     assert servo.set_point is None
 
 
-def test_a_sample_is_waited_for_so_long_and_no_longer() -> None:
+@pytest.mark.parametrize("rate", [RATE, 20.0])
+def test_a_sample_is_waited_for_so_long_and_no_longer(rate: float) -> None:
     device, clock = Slow(), Clock()
-    part = clocked(device, clock)
-    ticks = round(SAMPLE_TIMEOUT * RATE) + 10
+    part = clocked(device, clock, rate)
+    ticks = max(1, round(SAMPLE_TIMEOUT * rate)) + 10
     for tick in range(ticks):
         part.begin(tick)
         part.read()
         assert part.samples == []
     assert part.unread == 10
+
+
+def test_a_sample_stays_what_it_is_for_a_while_in_little_memory(rig: Rig) -> None:
+    master, kept, ticks = side(rig, 1), round(MEMORY * RATE), range(1500)
+    samples = [sample for tick in ticks for sample in serve(master, tick, None)]
+    assert [each.tick for each in samples[-kept:]] == [*ticks[-kept:]]
+    assert len({id(each) for each in samples}) < 1.5 * kept
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.01, -0.01])
@@ -247,7 +270,7 @@ def test_forces_without_successors_end_where_nothing_is_measured(lag: float) -> 
     clock.now = min(0.0, -lag)
     part = clocked(device, clock)
     part.command(ARM, 0.0, *(0.0, 0.0, 0.5))
-    part.command(ACTUATOR, 0.0, *along_actuator(0.2))
+    part.command(ACTUATOR, 0.0, 0.1, 0.2, 0.3)
     for tick in range(1, 40):
         clock.now = tick / RATE - lag
         part.begin(tick)
@@ -256,7 +279,7 @@ def test_forces_without_successors_end_where_nothing_is_measured(lag: float) -> 
         part.watch()
     times, written = zip(*device.written, strict=True)
     assert written == (
-        {ARM: (0.0, 0.0, 0.5), ACTUATOR: along_actuator(0.2)},
+        {ARM: (0.0, 0.0, 0.5), ACTUATOR: (0.1, 0.2, 0.3)},
         {ACTUATOR: ZERO},
         {ARM: ZERO},
     )
@@ -294,21 +317,55 @@ def test_a_force_that_comes_after_its_tick_acts_at_once_and_is_late(
     assert (values.items() <= part.diagnostics().items()) == (counted is None)
 
 
-def test_a_force_is_late_by_the_time_that_its_write_takes() -> None:
+@pytest.mark.parametrize("kind", [ARM, ACTUATOR])
+def test_a_force_is_late_by_the_time_that_its_write_takes(kind: str) -> None:
     device, clock = Slow(), Clock()
-    part = clocked(device, clock)
+    part = clocked(device, clock, kinds=[kind])
     device.write = lambda time, **forces: setattr(clock, "now", 0.0105)  # type: ignore
     clock.now = 0.010
-    part.command(ARM, 9e6, *(0.0, 0.0, 0.5))
-    part.begin(10)
-    part.apply()
+    part.command(kind, 9e6, *(0.0, 0.0, 0.5))
+    for _ in range(2):
+        part.begin(10)
+        part.apply()
     assert part.longest == pytest.approx(0.5e-3)
-    assert part.forces[ARM].age.maximum == pytest.approx(1.5e-3)
+    age = part.forces[kind].age
+    assert (age.count, age.maximum) == (1, pytest.approx(1.5e-3))
 
 
-def test_an_old_force_reaches_no_device() -> None:
+def test_a_force_waits_for_its_tick_though_the_clock_is_far_from_the_last_one() -> None:
     device, clock = Slow(), Clock()
     part = clocked(device, clock)
+    clock.now = 5.0
+    part.command(ARM, 5e9, *(0.0, 0.0, 0.5))
+    for tick, count in ((5000, 0), (5001, 1)):
+        part.begin(tick)
+        part.apply()
+        assert len(device.written) == count
+    part.take_off()
+    assert device.written[-1] == (5.0, {ARM: ZERO, ACTUATOR: ZERO})
+
+
+def test_a_held_force_that_is_too_much_is_replaced_by_what_is_allowed() -> None:
+    device, clock = Slow(), Clock()
+    small = ActuatorParameters(travel=0.1, thermal_time=0.02)
+    limits = replace(LIMITS, actuator=ActuatorCommandLimits(command_timeout=10.0), hardware=small)
+    part = clocked(device, clock, limits=limits)
+    part.command(ACTUATOR, 0.0, *along_actuator(3.0))
+    for tick in range(1, 200):
+        clock.now = tick / RATE
+        part.begin(tick)
+        part.apply()
+        part.watch()
+    held = [forces[ACTUATOR][ACTUATOR_AXIS] for _, forces in device.written]
+    assert held[0] == 3.0
+    assert held == sorted(held, reverse=True)
+    assert held[-1] == pytest.approx(COIL.continuous_force, rel=0.02)
+
+
+@pytest.mark.parametrize("framed", [False, True])
+def test_an_old_force_reaches_no_device(framed: bool) -> None:
+    device, clock = Slow(), Clock()
+    part = clocked(device, clock, framed=framed)
     for moment in (clock.now - 1.1 * MAX_AGE, clock.now + 1.1 * MAX_AGE):
         part.command(ARM, moment * NANOSECONDS, *(0.0, 0.0, 0.5))
         part.begin(1)
@@ -336,18 +393,40 @@ def test_a_pause_before_the_write_leaves_no_force(looks: int, written: list[Vect
     assert [forces[ARM] for _, forces in device.written] == written
 
 
-def test_a_device_with_a_clock_gets_forces_before_they_are_due() -> None:
+@pytest.mark.parametrize(("kind", "other"), [(ARM, ACTUATOR), (ACTUATOR, ARM)])
+def test_a_device_with_a_clock_gets_forces_before_they_are_due(kind: str, other: str) -> None:
     device, clock = Slow(), Clock()
-    part = clocked(device, clock, ahead=[ACTUATOR])
+    part = clocked(device, clock, ahead=[kind])
     device.late = 7
     part.command(ARM, 9e6, *ZERO)  # the arms engage: those before do not count
+    device.written.clear()
     part.begin(10)
     clock.now = 0.0101
-    part.command(ACTUATOR, 10e6, *along_actuator(0.1))
-    ((time, forces),) = device.written
-    assert (time, list(forces)) == (0.011, [ACTUATOR])
+    part.command(other, 10e6, *along_actuator(0.2))
+    part.command(kind, 10e6, *along_actuator(0.1))
+    assert device.written == [(0.011, {kind: along_actuator(0.1)})]
     device.late += 3
-    assert part.deadlines == (2, 3)
+    assert part.deadlines == (3, 3)
+    # One that was overtaken is not late by that.
+    part.command(kind, 9.6e6, *ZERO)
+    part.command(kind, 9e6, *ZERO)
+    assert part.forces[kind].past_tick == 1, "due at this tick"
+
+
+@pytest.mark.parametrize("clock", [Clock(), None])
+@pytest.mark.parametrize(("ahead", "moment"), [([ACTUATOR], 0.01), ([], 0.012)])
+def test_a_force_that_is_late_for_a_device_acts_at_once_unless_its_clock_tells(
+    clock: Clock | None, ahead: list[str], moment: float
+) -> None:
+    device = Slow()
+    part = clocked(device, clock, ahead=ahead, framed=True)
+    part.begin(12)
+    if clock is not None:
+        clock.now = 0.012
+    for count in (1, 2):
+        part.command(ACTUATOR, 9e6, *along_actuator(0.1))
+        assert part.forces[ACTUATOR].past_tick == count
+    assert [time for time, _ in device.written] == [moment]
 
 
 PERIOD = 1e-3
@@ -397,9 +476,18 @@ def test_a_lost_sample_divides_the_way_by_time() -> None:
     work.until(0.0, ArmSample(0))
     for tick, force in enumerate((1.0, 2.0)):
         work.apply(tick * PERIOD, *along_x(force))
-    work.until(PERIOD, ArmSample(0, along_x(math.nan)))
-    assert work.unknown == 1
+    for place in (math.nan, math.inf):
+        work.until(PERIOD, ArmSample(0, along_x(place)))
+    assert work.unknown == 2
     assert after(work, 2 * PERIOD, along_x(2.0)) == pytest.approx(along_x(3.0))
+
+
+def test_a_force_of_a_time_before_the_last_sample_counts_from_there() -> None:
+    work = ArmWork()
+    for _ in range(2):  # again at the same time, in which no force does work
+        work.until(PERIOD, ArmSample(0))
+        work.apply(PERIOD / 2, *along_x(1.0))
+    assert after(work, 2 * PERIOD, along_x(2.0)) == along_x(2.0)
 
 
 def test_forces_without_samples_take_no_memory_without_end() -> None:
@@ -418,11 +506,10 @@ def test_the_actuator_sags_by_the_gravity_that_its_handle_measures(kept: int) ->
     for tick in range(1000):
         clock.now = tick / RATE
         # A lost sample is no acceleration of zero.
-        device.readings = [Sample(ZERO, ZERO, along_actuator(9.81)) if tick < kept else None]
+        device.readings = [Sample(ZERO, ZERO, (2.0, -4.0, 9.81)) if tick < kept else None]
         part.begin(tick)
         part.read()
         part.watch()
-    suspension = ActuatorParameters()
-    sag = -1e3 * suspension.m_a * 9.81 / suspension.k_s
-    travel = float(part.safety.diagnostics()["actuator force travel (mm)"])
-    assert travel == pytest.approx(sag, abs=0.006)
+    assert part.actuator_limit
+    for coil, gravity in zip(part.actuator_limit.coils, (2.0, -4.0, 9.81), strict=True):
+        assert coil.travel == pytest.approx(-COIL.m_a * gravity / COIL.k_s, rel=1e-3)
