@@ -72,13 +72,13 @@ sys.exit(process.wait())
 endef
 export INSTALL
 
-# Fails if tests noticed fewer than 80 % of the changes: one in ten cannot be noticed, as < for <=.
+# Fails if tests noticed fewer than 90 % of the changes: some cannot be noticed, as < for <=.
 define KILLED
 import json, sys
 found = json.load(open("mutants/mutmut-cicd-stats.json"))
 killed = found["killed"] + found["timeout"]
 print("Tests noticed %d of %d changes" % (killed, found["total"]))
-sys.exit(killed < 0.8 * found["total"])
+sys.exit(killed < 0.9 * found["total"])
 endef
 export KILLED
 

@@ -121,6 +121,7 @@ def test_work_is_force_times_displacement(rig: Rig) -> None:
         (sample,) = serve(master, tick, (0.5, 1.0, -2.0))
     # From the first tick with force to the last sample.
     way = SPEED * (ticks - 1) / RATE
+    assert sample.has_work
     assert sample.work == pytest.approx((0.5 * way, way, -2.0 * way))
     master.take_off()
     assert (rig.arm[-1], rig.actuator) == (ZERO, [0.0])
@@ -484,10 +485,10 @@ def test_a_lost_sample_divides_the_way_by_time() -> None:
 
 def test_a_force_of_a_time_before_the_last_sample_counts_from_there() -> None:
     work = ArmWork()
-    for _ in range(2):  # again at the same time, in which no force does work
+    for force in (1.0, 3.0):  # again at the same time, in which no force does work
         work.until(PERIOD, ArmSample(0))
-        work.apply(PERIOD / 2, *along_x(1.0))
-    assert after(work, 2 * PERIOD, along_x(2.0)) == along_x(2.0)
+        work.apply(PERIOD / 2, *along_x(force))
+    assert after(work, 2 * PERIOD, along_x(2.0)) == along_x(6.0)
 
 
 def test_forces_without_samples_take_no_memory_without_end() -> None:

@@ -10,9 +10,9 @@ import math
 import numpy as np
 import pytest
 
-from haptic_accel.core.model import Vector
+from haptic_accel.core.model import Sample, Vector
 from haptic_accel.core.rig.master_rig import axes_of
-from haptic_accel.core.simulated_rig import build_loop, build_parts
+from haptic_accel.core.simulated_rig import build_loop, build_parts, rig_side
 from haptic_accel.core.tick import ACTUATOR, ARM, DeviceSide, HostLoop, SafetyLayer
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import Device
@@ -111,3 +111,30 @@ def test_an_overdue_force_acts_when_it_is_given(late: float, in_time: bool) -> N
     assert (found == expected) == in_time
     for due, missed in deadlines.values():
         assert missed == (0 if in_time else pytest.approx(due / 4, rel=0.02))
+
+
+class ByTuples(SimulatedMaster):
+    """A simulated device that is read and written like any other."""
+
+    def read(self, time: float) -> Sample:
+        return super().read(time)
+
+
+def test_a_simulated_device_is_driven_like_any_other() -> None:
+    rig = Setup.of(GraphArguments(rig="three_axis", controller="constant", rate=RATE)).rig()
+    sides = [
+        rig_side(device(rig.master, RATE, 0), rig.safety[0], RATE, 1, axes=axes_of(rig.master))
+        for device in (SimulatedMaster, ByTuples)
+    ]
+    assert [side.motion is None for side in sides] == [False, True]
+    for tick in range(200):
+        read = []
+        for side in sides:
+            side.begin(tick)
+            side.read()
+            read.append([(each.sample, each.work) for each in side.samples])
+            for kind, size in ((ARM, 0.5), (ACTUATOR, 0.2)):
+                side.command(kind, tick * 1e9 / RATE, size, -size, 0.5 * size)
+            side.apply()
+            side.watch()
+        assert read[0] == read[1]
