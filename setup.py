@@ -73,17 +73,38 @@ def long_description() -> str:
 
 
 KITS = {
-    "bringup": "bringup",
-    "emulate": "emulators",
-    "export": "export",
-    "keys": "link",
-    "study": "study",
-    "texture": "textures",
+    "commands": {
+        "bringup": "bringup:VERB",
+        "emulate": "emulators:VERB",
+        "export": "export:VERB",
+        "keys": "link:VERB",
+        "study": "study:VERB",
+        "texture": "textures:VERB",
+    },
+    "emulators": {"network": "link:NETWORK"},
+    "nodes": {
+        node: f"link.{node}"
+        for node in ("half_coupler", "link", "composed_master", "composed_slave")
+    },
+    **{
+        group: {"crtk": f"crtk.device:{arm}", "crtk_serial": f"crtk.device:{with_board}"}
+        for group, arm, with_board in (
+            ("masters", "CrtkMaster", "WithBoard"),
+            ("slaves", "CrtkSlave", "ToolWithBoard"),
+        )
+    },
+    "two_hosts": {"graph": "link.networked:networked_graph", "loops": "link.two_hosts:TwoHosts"},
 }
-"""Verbs of kits, and their folders below haptic_accel/kits."""
+"""Entry points of kits by group and name: modules below haptic_accel/kits, and their objects."""
 
-LINK_NODES = ("half_coupler", "link", "composed_master", "composed_slave")
-"""Nodes of the kit of two hosts."""
+
+def of_kits(group: str) -> dict[str, str]:
+    """Return the entry points of a group, without those of kits whose folder was taken away."""
+    return {
+        name: f"{NAME}.kits.{place}"
+        for name, place in KITS[group].items()
+        if Path(NAME, "kits", re.split("[.:]", place)[0]).is_dir()
+    }
 
 
 def node_scripts() -> list[str]:
@@ -93,12 +114,7 @@ def node_scripts() -> list[str]:
     """
     if any(word.endswith("wheel") for word in sys.argv):
         return []
-    return [f"{node} = {NAME}.nodes.start:{node}" for node in (*NODES, *link_nodes())]
-
-
-def link_nodes() -> tuple[str, ...]:
-    """Return the nodes of the kit of two hosts, unless it was taken away."""
-    return LINK_NODES if Path(NAME, "kits", "link").is_dir() else ()
+    return [f"{node} = {NAME}.nodes.start:{node}" for node in (*NODES, *of_kits("nodes"))]
 
 
 BENCH = ["psutil>=5.9.8"]
@@ -237,13 +253,10 @@ setup(
     },
     entry_points={
         "console_scripts": [f"haptic-accel = {NAME}.cli.start:main", *node_scripts()],
-        # A kit without its folder, as in a copy for a robot, has no verb.
-        f"{NAME}.commands": [
-            f"{verb} = {NAME}.kits.{kit}:VERB"
-            for verb, kit in KITS.items()
-            if Path(NAME, "kits", kit).is_dir()
-        ],
-        f"{NAME}.nodes": [f"{node} = {NAME}.kits.link.{node}" for node in link_nodes()],
+        **{
+            f"{NAME}.{group}": [f"{name} = {place}" for name, place in of_kits(group).items()]
+            for group in KITS
+        },
         "ament_copyright.license": [f"spdx_apache = {NAME}._licence:SPDX_APACHE"],
     },
 )

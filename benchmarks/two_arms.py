@@ -15,8 +15,8 @@ from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.simulated_rig import rig_side
 from haptic_accel.core.tick import ARM
 from haptic_accel.core.topics import ARMS
-from haptic_accel.core.two_hosts import TwoHosts
 from haptic_accel.devices import Sample
+from haptic_accel.kits.link.two_hosts import TwoHosts
 
 RATE = 1000.0
 """Sampling rate of both halves, Hz."""

@@ -31,7 +31,7 @@ from haptic_accel.core.actuator import ActuatorParameters
 from haptic_accel.core.control.controllers import Loop
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import FloatArray, HandleParameters
-from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.network import ChannelParameters
 from haptic_accel.core.tick import TravelEstimator
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import GraphArguments

@@ -21,7 +21,7 @@ from haptic_accel.core.identification.sweep import SweepParameters as SweepParam
 from haptic_accel.core.model import (FloatArray as FloatArray, GripParameters as GripParameters,
     HandleParameters as HandleParameters, MountParameters as MountParameters, Vector as Vector,
     held as held)
-from haptic_accel.core.network.channel import ChannelParameters as ChannelParameters
+from haptic_accel.core.network import ChannelParameters as ChannelParameters
 from haptic_accel.core.parameters import (Checked as Checked, ParameterError as ParameterError,
     parameter as parameter)
 from haptic_accel.core.rig.master_rig import MasterRigParameters as MasterRigParameters

@@ -31,19 +31,18 @@ BELOW: dict[str, set[str]] = {
     "bags": {"core"},
     "materials": {"core"},
     "devices": {"core", "bags", "materials"},
-    "links": {"core"},
-    "setup": {"core", "bags", "devices", "links", "materials"},
-    "graph": {"core", "bags", "devices", "links", "materials", "setup"},
-    "nodes": {"core", "bags", "devices", "links", "materials", "setup", "graph", "scope"},
+    "setup": {"core", "bags", "devices", "materials"},
+    "graph": {"core", "bags", "devices", "materials", "setup"},
+    "nodes": {"core", "bags", "devices", "materials", "setup", "graph", "scope"},
     "analysis": {"core", "bags", "materials", "setup", "pages"},
     "cli": {
-        *("core", "bags", "devices", "links", "materials", "setup", "graph"),
+        *("core", "bags", "devices", "materials", "setup", "graph"),
         *("nodes", "scope", "analysis"),
     },
     "controllers": {"core"},
     "commands": {"core", "cli"},
     "kits": {
-        *("core", "bags", "devices", "links", "materials", "setup", "graph"),
+        *("core", "bags", "devices", "materials", "setup", "graph"),
         *("nodes", "scope", "analysis", "pages", "cli", "controllers", "commands"),
     },
 }
@@ -75,7 +74,7 @@ ROS_USERS: dict[str, set[str]] = {
     # Commands that call services and publish on topics of a running graph.
     "haptic_accel.cli.joining": {"rclpy"},
     # An arm of another node, loaded when it is opened.
-    "haptic_accel.devices.crtk.client": {"rclpy", "geometry_msgs", "std_msgs"},
+    "haptic_accel.kits.crtk.client": {"rclpy", "geometry_msgs", "std_msgs"},
     # Undocumented names of rclpy, for that arm and for the nodes.
     "haptic_accel.devices.rclpy_internals": {"rclpy"},
     # Launch files.

@@ -19,7 +19,7 @@ from haptic_accel.analysis.metrics import MILLI, AnalysedTrial
 from haptic_accel.analysis.writing import Setting, signal_table, write_analysis
 from haptic_accel.bags.delivery import Delivery
 from haptic_accel.bags.folder import free_name
-from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.network import ChannelParameters
 from haptic_accel.core.tables import ResultTable, number
 from haptic_accel.core.topics import ANALYSED
 from haptic_accel.core.trial import Trial

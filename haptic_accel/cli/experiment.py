@@ -27,7 +27,7 @@ from haptic_accel.cli.studies import Journal, Show, run_side_by_side, run_study
 from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Stop, Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.network import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.domain import sole_graph
 from haptic_accel.graph.supervisor import Supervisor

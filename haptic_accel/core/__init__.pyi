@@ -2,9 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # fmt: off
-from haptic_accel.core.actuator import (ActuatorParameters as ActuatorParameters,
+from haptic_accel.core.actuator import (MANUAL as MANUAL, ActuatorParameters as ActuatorParameters,
     SafetyParameters as SafetyParameters)
-from haptic_accel.core.axes import ALL_AXES as ALL_AXES, VIBRATION as VIBRATION
+from haptic_accel.core.axes import (ACTUATOR_AXES as ACTUATOR_AXES, ALL_AXES as ALL_AXES,
+    NAMES as NAMES, Orientation as Orientation, REDUCTIONS as REDUCTIONS, VIBRATION as VIBRATION)
+from haptic_accel.core.cdr import (StampedVector as StampedVector,
+    unpack_orientation as unpack_orientation, unpack_stamped_vector as unpack_stamped_vector)
+from haptic_accel.core.crtk import (CRTK_MESSAGES as CRTK_MESSAGES, ENABLE as ENABLE,
+    ENABLED as ENABLED)
 from haptic_accel.core.files import (located as located, opened as opened, read_xml as read_xml,
     replace_file as replace_file, sync_folder as sync_folder, whole_folder as whole_folder)
 from haptic_accel.core.control.channel import LARGEST_GAIN as LARGEST_GAIN, RAMP as RAMP
@@ -12,17 +17,16 @@ from haptic_accel.core.control.compensation import Compensation as Compensation
 from haptic_accel.core.control.fallback import NO_CONTROLLER as NO_CONTROLLER
 from haptic_accel.core.control.filters import (HIGH_PASS_FREQUENCY as HIGH_PASS_FREQUENCY,
     without_hand_motion as without_hand_motion)
-from haptic_accel.core.coupling.engagement import (Engagement as Engagement,
-    EngagementParameters as EngagementParameters)
-from haptic_accel.core.model import (ACTUATOR as ACTUATOR, GRAVITY as GRAVITY, ZERO as ZERO,
-    vector as vector)
-from haptic_accel.core.network.endpoint import random_session as random_session
-from haptic_accel.core.network.playout import PLAYED_KINDS as PLAYED_KINDS
-from haptic_accel.core.axes import REDUCTIONS as REDUCTIONS
+from haptic_accel.core.coupling.engagement import (STOPPED as STOPPED, Decision as Decision,
+    Engagement as Engagement, EngagementParameters as EngagementParameters)
+from haptic_accel.core.coupling.passive import (NONSENSE as NONSENSE, PassiveHalf as PassiveHalf,
+    of_slave as of_slave, scaled as scaled)
+from haptic_accel.core.model import (ACTUATOR as ACTUATOR, Force as Force, GRAVITY as GRAVITY,
+    ZERO as ZERO, vector as vector)
+from haptic_accel.core.network import (Channel as Channel, Crossing as Crossing,
+    is_loopback as is_loopback)
 from haptic_accel.core.simulated_rig import (RigParameters as RigParameters,
     build_loop as build_loop)
 from haptic_accel.core.surfaces.texture import (autocovariance as autocovariance,
     from_polynomial as from_polynomial, levinson as levinson)
 from haptic_accel.core.tables import DASH as DASH, records as records
-from haptic_accel.core.two_hosts import (ArmEndpoint as ArmEndpoint,
-    HalfCouplingPart as HalfCouplingPart, HalfEngagement as HalfEngagement)

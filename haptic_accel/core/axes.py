@@ -87,6 +87,11 @@ class Axes:
         x, y, z = values
         return x, y, z
 
+    def signals(self, vectors: FloatArray) -> FloatArray:
+        """Return the components of vectors (n, 3): shape (n,) for one axis, (n, axes) for more."""
+        values = np.ascontiguousarray(vectors[:, self.indices])
+        return values[:, 0] if len(self.names) == 1 else values
+
     def sample_names(self, size: int) -> list[str]:
         """Return the names of a window's samples in learning sets, axis by axis, oldest first."""
         return [f"{VIBRATION}.{axis}.{sample}" for axis in self.names for sample in range(size)]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import Checked, parameter
 
-MESSAGES = "crtk_msgs"
+CRTK_MESSAGES = "crtk_msgs"
 """ROS package of CRTK's messages; without it no state is published or changed."""
 
 DISABLED, ENABLED, PAUSED, FAULT = STATES = ("DISABLED", "ENABLED", "PAUSED", "FAULT")

@@ -49,8 +49,8 @@ COMPANIONS = 2
 
 THRESHOLD = 5.0
 """Minimum deviation of an outlier in scaled median absolute deviations, which are standard
-deviations for normal noise. Hampel's 3 marks a sample in 400 of normal noise, this 1 in 2 million
-even without the other conditions."""
+deviations for normal noise. In such noise, Hampel's threshold of 3 marks one sample in 400; this
+threshold marks one in 2 million. The other conditions reduce this number further."""
 
 RATIO = 5.0
 """Minimum deviation of an outlier relative to samples nearby. Taps that decay with a time constant

@@ -22,8 +22,7 @@ from haptic_accel.core.control.error_bound import Bounds, bounds
 from haptic_accel.core.evaluation import metrics
 from haptic_accel.core.identification import sweep
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.core.network.playout import Played
+from haptic_accel.core.network import ChannelParameters, Crossing, NetworkedLoops, provided
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate, warn_once
 from haptic_accel.core.rig import Rig, master_rig
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, Vibrating
@@ -31,9 +30,8 @@ from haptic_accel.core.sampling import DEFAULT_RATE, LATENCY, NANOSECONDS, check
 from haptic_accel.core.simulated_rig import RigParameters, build_loop, build_parts, rig_side
 from haptic_accel.core.surfaces.scene import Scene
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig
-from haptic_accel.core.tick import ACTUATOR, MASTER, CompensationPart, HostLoop
+from haptic_accel.core.tick import ACTUATOR, CompensationPart, HostLoop
 from haptic_accel.core.track import ReplayRig, Track
-from haptic_accel.core.two_hosts import TwoHosts
 
 GripChange = tuple[float, model.HandleParameters | model.MountParameters]
 """Time of a change of the handle, s, and its new parameters with the grip, or the new mount."""
@@ -44,28 +42,6 @@ Warned = tuple[float, str]
 
 WARNING_CHECK_PERIOD = 0.05
 """Interval for checking the compensator's warnings, s."""
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """Signals of a network between the arms, at the sampling times of a trial.
-
-    Attributes
-    ----------
-    played : ndarray, shape (n,)
-        Tool's acceleration received by the compensator, m/s^2; 0 while waiting.
-    age : ndarray, shape (n,)
-        Age of this acceleration, s; NaN while waiting.
-    kinds : tuple of str
-        Kind of each played sample; see `Played`.
-    energy : ndarray, shape (n, 2)
-        Energy in the tanks of master and slave, J.
-    """
-
-    played: FloatArray
-    age: FloatArray
-    kinds: tuple[str, ...]
-    energy: FloatArray
 
 
 @dataclass(frozen=True)
@@ -297,26 +273,26 @@ def run_trial(
         slave = SlaveRig(rig.slave, rate, seed, recording, physics_step, texture)
     time = np.arange(round(duration * rate)) / rate
     warnings: list[Warned] = []
-    crossings: list[_PlayedSample] = []
     rigs = master_rig.simulated_master(rig.master, rate, seed), slave
     devices = dict(zip(topics.ARMS, rigs, strict=True))
     sides, part = build_parts(rig, devices, settings, controllers or {}, rate, latency)
-    hosts = (
-        build_loop(rig, sides, part, composed=composed)
-        if channel is None
-        else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts, tool_axes)
-    )
+    hosts: HostLoop | NetworkedLoops
+    if channel is None:
+        hosts = build_loop(rig, sides, part, composed=composed)
+    else:
+        coupling = rig.passive(law)
+        hosts = provided("loops")(coupling, channel, sides, part, seed, blackouts, tool_axes)
     rows = np.zeros((len(time), _SIGNALS + isinstance(slave, VirtualRig), 3))
-    _run(rigs, hosts, part, time.tolist(), deque(grips), warnings, crossings, rows)
+    _run(rigs, hosts, part, time.tolist(), deque(grips), warnings, rows)
     vectors = rows.swapaxes(0, 1)
-    handle, tool, desired, force = (along(axes, vectors[each]) for each in (0, 4, 8, 9))
+    handle, tool, desired, force = (axes.signals(vectors[each]) for each in (0, 4, 8, 9))
     moved = [*vectors[1:4], *vectors[5:8], *vectors[_SIGNALS:]]
     by_topic = dict(zip(_MOVED, moved, strict=False))
     surface = scene.name if scene else rig.slave.surface.name
     corner = settings.high_pass_frequency
     crossing = None
-    if channel is not None:
-        crossing, tool = _crossed(crossings, tool, rate, axes)
+    if not isinstance(hosts, HostLoop):
+        crossing, tool = hosts.crossing(tool, axes)
         desired = filters.high_passed(tool, corner, rate)
     return Trial(
         *(surface, controller, rate, time, tool, desired, handle, force, corner, latency),
@@ -337,33 +313,8 @@ def _failed(reason: str, warnings: Sequence[Warned], duration: float) -> float |
     return next((time for time, message in warnings if reason in message), duration)
 
 
-def _crossed(
-    crossings: Sequence[_PlayedSample], tool: FloatArray, rate: float, axes: Axes
-) -> tuple[Crossing, FloatArray]:
-    """Return the network's signals, and the tool's acceleration at the played times."""
-    samples, positions, energies = zip(*crossings, strict=True)
-    ticks, count = np.array(positions), np.arange(len(tool))
-    played = along(axes, np.array([each.value for each in samples]))
-    kinds = tuple(each.kind for each in samples)
-    followed = np.apply_along_axis(
-        lambda component: np.interp(np.nan_to_num(ticks), count, component), 0, tool
-    )
-    # While waiting, the played and the desired acceleration are zero.
-    desired = np.where(np.isnan(ticks), played.T, followed.T).T
-    return Crossing(played, (count - ticks) / rate, kinds, np.array(energies)), desired
-
-
-_PlayedSample = tuple[Played, float, tuple[float, float]]
-"""Sample played at the master, its time in samples, and the energy in both tanks, J."""
-
 _SIGNALS = 10
 """Number of vectors of `HostLoop.record`."""
-
-
-def along(axes: Axes, vectors: FloatArray) -> FloatArray:
-    """Return the components of shape (n, 3) along axes: shape (n,) for one, (n, axes) for more."""
-    values = np.ascontiguousarray(vectors[:, axes.indices])
-    return values[:, 0] if len(axes.names) == 1 else values
 
 
 _MOVED = [
@@ -375,17 +326,16 @@ _MOVED = [
 
 def _run(
     rigs: tuple[master_rig.MasterRig | master_rig.ThreeAxisRig, Rig],
-    hosts: HostLoop | TwoHosts,
+    hosts: HostLoop | NetworkedLoops,
     part: CompensationPart,
     times: Sequence[float],
     grips: deque[GripChange],
     warnings: list[Warned],
-    crossings: list[_PlayedSample],
     rows: FloatArray,
 ) -> None:
     """Write the signals of each sample in the order of `HostLoop.record`, then a contact's force.
 
-    Appends to `warnings` when the compensator's warning changes, and to `crossings` for two hosts.
+    Appends to `warnings` when the compensator's warning changes.
     """
     master, slave = rigs
     loops = [hosts] if isinstance(hosts, HostLoop) else list(hosts.loops.values())
@@ -404,9 +354,6 @@ def _run(
         hosts.step(tick)
         if touching:
             rows[tick, -1] = touching.contact_force or model.ZERO
-        if isinstance(hosts, TwoHosts):
-            played = hosts.couplings[MASTER].played
-            crossings.append((played, hosts.position, hosts.energy))
         if time >= looked + WARNING_CHECK_PERIOD:
             looked, now = time, part.slow.warning
             if now != words:
@@ -506,4 +453,4 @@ def _excite(
         side.watch()
     values: dict[str, str | int] = {**master.counters(), **side.safety.diagnostics()}
     counts = {key: int(values[key]) for key in (*master.counters(), *sweep.LIMITED)}
-    return sweep.IdentificationTrial(rate, force, along(axes, acceleration), counts, latency)
+    return sweep.IdentificationTrial(rate, force, axes.signals(acceleration), counts, latency)

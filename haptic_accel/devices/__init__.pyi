@@ -4,9 +4,9 @@
 # fmt: off
 from haptic_accel.devices.audio import (AUDIO as AUDIO, read_channels as read_channels,
     recorded as recorded)
-from haptic_accel.devices.interface import (Device as Device,
+from haptic_accel.devices.interface import (CombinedTool as CombinedTool, Device as Device,
     DeviceDescription as DeviceDescription, DeviceError as DeviceError, Joints as Joints,
-    Sample as Sample)
+    Sample as Sample, combined as combined)
 from haptic_accel.devices.observed import (ForceOverTime as ForceOverTime,
     Observation as Observation, ObservedDevice as ObservedDevice)
 from haptic_accel.devices.playback import bag_track as bag_track, is_bag as is_bag

@@ -11,7 +11,6 @@ from __future__ import annotations
 from haptic_accel.core.outside import with_outside
 from haptic_accel.devices import audio, interface, playback, simulated, sound_bench
 from haptic_accel.devices.can.device import CanMaster, CanSlave
-from haptic_accel.devices.crtk.device import CrtkMaster, CrtkSlave
 from haptic_accel.devices.interface import Device, combined, driver_problem
 from haptic_accel.devices.serial.device import SerialMaster, SerialSlave
 
@@ -24,7 +23,6 @@ _MASTERS: dict[str, type[Device]] = {
     "replay": playback.ReplayMaster,
     "can": CanMaster,
     "serial": SerialMaster,
-    "crtk": CrtkMaster,
     sound_bench.NO_ARM: sound_bench.NoArm,
 }
 _SLAVES: dict[str, type[Device]] = {
@@ -33,12 +31,10 @@ _SLAVES: dict[str, type[Device]] = {
     "replay": playback.ReplaySlave,
     "can": CanSlave,
     "serial": SerialSlave,
-    "crtk": CrtkSlave,
     sound_bench.NO_ARM: sound_bench.NoArm,
 }
-for _devices, _kind in ((_MASTERS, interface.CombinedDevice), (_SLAVES, interface.CombinedTool)):
-    _devices["can_serial"] = combined(_devices, "can", "serial", _kind)
-    _devices["crtk_serial"] = combined(_devices, "crtk", "serial", _kind)
+_MASTERS["can_serial"] = combined(_MASTERS, "can", "serial")
+_SLAVES["can_serial"] = combined(_SLAVES, "can", "serial", interface.CombinedTool)
 
 MASTERS = with_outside(_MASTERS, interface.MASTERS_GROUP, Device, driver_problem, RESERVED)
 SLAVES = with_outside(_SLAVES, interface.SLAVES_GROUP, Device, driver_problem, RESERVED)

@@ -38,7 +38,7 @@ def config_folder() -> Path:
 
 
 def is_recording(surface: str) -> bool:
-    """Return whether a surface's name is a recording: any file except ``.yaml``."""
+    """Return true if a surface is specified by a recording: any file except ``.yaml``."""
     return Path(surface).suffix not in ("", ".yaml")
 
 

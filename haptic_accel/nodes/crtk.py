@@ -26,7 +26,7 @@ from std_msgs.msg import Bool
 
 from haptic_accel.core import crtk
 from haptic_accel.core.actuator import ArmLimits
-from haptic_accel.core.crtk import PositionServo, PositionServoParameters
+from haptic_accel.core.crtk import CRTK_MESSAGES, PositionServo, PositionServoParameters
 from haptic_accel.core.model import Sample, Vector
 from haptic_accel.core.parameters import shown
 from haptic_accel.core.sampling import NANOSECONDS
@@ -137,7 +137,7 @@ INVALID = 0
 """Stamp of data that are not valid now (CRTK, "Data validity")."""
 
 _JOINTS, _EMPTY = "sensor_msgs/msg/JointState", "std_msgs/msg/Empty"
-_STATE, _TEXT = f"{crtk.MESSAGES}/msg/OperatingState", f"{crtk.MESSAGES}/msg/StringStamped"
+_STATE, _TEXT = f"{CRTK_MESSAGES}/msg/OperatingState", f"{CRTK_MESSAGES}/msg/StringStamped"
 
 STATE_COMMAND_AGE = 1.0
 """Age above which a state command is outdated, s; a person sends it, not a control loop."""
@@ -323,12 +323,12 @@ class OperatingState:
         states = topic("is_homed"), topic("is_busy")
         self._homed, self._busy = (node.publisher(each).publish for each in states)
         self._state = None
-        if find_spec(crtk.MESSAGES):
+        if find_spec(CRTK_MESSAGES):
             self._state = node.publisher(topic("operating_state", _STATE))
             commands = arm.topic("state_command", _TEXT)
             node.create_subscription(message_type(commands), commands.name, self._receive, 10)
         else:
-            node.get_logger().debug(f"no {crtk.MESSAGES}: no operating_state, no state_command")
+            node.get_logger().debug(f"no {CRTK_MESSAGES}: no operating_state, no state_command")
 
     @property
     def state(self) -> str:

@@ -75,7 +75,7 @@ class JoinedView:
         RequestError
             A node does not answer, or has another value.
         """
-        requested = [(_node(each), dict(_assigned(each))) for each in requests]
+        requested = [(each.service.partition("/")[0], dict(_assigned(each))) for each in requests]
         found = self._together(self._client.parameters(node, list(v)) for node, v in requested)
         for (node, values), now in zip(requested, found, strict=True):
             for (name, value), has in zip(values.items(), now, strict=True):
@@ -104,10 +104,6 @@ class JoinedView:
             return list(await asyncio.gather(*calls))
 
         return asyncio.run(together())
-
-
-def _node(request: Request) -> str:
-    return request.service.partition("/")[0]
 
 
 def _assigned(request: Request) -> Iterator[tuple[str, Any]]:

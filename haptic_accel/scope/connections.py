@@ -25,6 +25,7 @@ from urllib.parse import urlsplit
 
 from aiohttp import web
 
+from haptic_accel.core.network import is_loopback
 from haptic_accel.core.parameters import ParameterError
 
 TOKEN_BYTES = 18
@@ -36,8 +37,6 @@ and bags would store it."""
 
 TOKEN_LETTERS = "ASCII letters, digits and - . _ ~"
 """Letters of a token, unchanged in addresses, cookies and headers (RFC 3986)."""
-
-LOCALHOST = "localhost"
 
 LOCAL_HOST = "127.0.0.1"
 """Address of a page that is reachable from this machine only."""
@@ -77,9 +76,9 @@ class Access:
         name = _name(header)
         if name is None:
             return False
-        if name == LOCALHOST or is_loopback(name):
+        if is_loopback(name):
             return True
-        return not self.local and (_address(name) is not None or name in _own_names())
+        return not self.local and (_is_address(name) or name in _own_names())
 
     def admits_origin(self, origin: str | None, host: str | None) -> bool:
         """Return true if a request comes from the scope's page: origin and host agree.
@@ -100,18 +99,13 @@ def is_token(text: str) -> bool:
     return re.fullmatch(r"[\w.~-]+", text, re.ASCII) is not None
 
 
-def is_loopback(host: str) -> bool:
-    """Return true if an address can be reached from this machine only."""
-    address = _address(host)
-    return address.is_loopback if address else host.lower() == LOCALHOST
-
-
-def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
-    """Return a name as an IP address, or None."""
+def _is_address(name: str) -> bool:
+    """Return true if a name is an IP address."""
     try:
-        return ipaddress.ip_address(name)
+        ipaddress.ip_address(name)
     except ValueError:
-        return None
+        return False
+    return True
 
 
 def _own_names() -> set[str]:

@@ -24,10 +24,15 @@ from haptic_accel.core.parameters import (
 )
 from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.devices.registry import SLAVES
-from haptic_accel.links import LinkNodeParameters, check_peer
 from haptic_accel.materials.folders import is_recording, preset_file
 from haptic_accel.setup.files import parameter_paths, read_parameter_file, read_parameter_files
-from haptic_accel.setup.node_parameters import NODES, PASSIVE, node_schema
+from haptic_accel.setup.node_parameters import (
+    NODES,
+    PASSIVE,
+    LinkNodeParameters,
+    check_peer,
+    node_schema,
+)
 from haptic_accel.setup.words import NamespaceArguments, parse_assignments
 
 L = TypeVar("L", bound="LaunchArguments")

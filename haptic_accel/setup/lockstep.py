@@ -9,16 +9,11 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from haptic_accel.bags.trial_metadata import (
-    LOCKSTEP,
-    PREFIX,
-    RUN,
-    custom_data,
-)
+from haptic_accel.bags.trial_metadata import LOCKSTEP, PREFIX, RUN, custom_data
 from haptic_accel.bags.writing import write_trial
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.network import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.track import Track, quieted
 from haptic_accel.core.trial import GripChange, Trial, run_trial

@@ -23,6 +23,7 @@ from haptic_accel.core.crtk import PositionServoParameters
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR, AccelerometerParameters
+from haptic_accel.core.network import is_loopback
 from haptic_accel.core.parameters import (
     Checked,
     ParameterError,
@@ -38,7 +39,6 @@ from haptic_accel.devices import audio
 from haptic_accel.devices.interface import MASTERS_GROUP, SLAVES_GROUP, Device
 from haptic_accel.devices.registry import MASTERS, SLAVES
 from haptic_accel.devices.sound_bench import NO_ARM, BenchOutput, CardAccelerometer
-from haptic_accel.links import LinkNodeParameters
 
 SAFETY = "safety"
 """Name of a device node's safety limits among its devices' parameters."""
@@ -216,6 +216,79 @@ class ScopeNodeParameters(Checked):
     port: int = parameter(8642, "port of the scope's page; 0 for any free one", low=0, high=65535)
     control: bool = parameter(False, "let the scope's page control the graph, not only show it")
     side: str = like(CouplerNodeParameters, "side")
+
+
+HIGHEST_PORT = 65535
+"""Maximum UDP port."""
+
+UDP, ZENOH = TRANSPORTS = ("udp", "zenoh")
+"""Transports of datagrams between hosts."""
+
+
+def host_and_port(peer: str) -> tuple[str, int]:
+    """Return host and port of a peer; port 0 if none is specified.
+
+    Parameters
+    ----------
+    peer : str
+        HOST, HOST:PORT, or for an IPv6 address [HOST]:PORT.
+
+    Raises
+    ------
+    ParameterError
+        The peer has another form.
+    """
+    host, colon, port = peer.rpartition(":")
+    if not colon or (":" in host and not host.endswith("]")):
+        host, colon, port = peer, "", "0"
+    number = int(port) if port.isascii() and port.isdigit() else -1
+    host = host.removeprefix("[").removesuffix("]")
+    allowed = host and host.isascii() and host.isprintable() and not set(host) & set(" /[]?#,;")
+    # The highest port is not allowed, because the slave uses the next port.
+    if not allowed or number not in range(HIGHEST_PORT) or (colon and not number):
+        raise ParameterError(
+            f"peer = {shown(repr(peer))}: must be HOST or HOST:PORT, with a port from 1 to"
+            f" {HIGHEST_PORT - 1}"
+        )
+    return host, number
+
+
+@dataclass(frozen=True)
+class LinkNodeParameters(Checked):
+    """Parameters of the node `link`."""
+
+    side: str = parameter("master", "arm of this host", choices=ARMS)
+    peer: str = parameter("", "peer host as HOST or HOST:PORT; empty for no link")
+    transport: str = parameter(UDP, "transport of datagrams to the peer host", choices=TRANSPORTS)
+    keys: str = parameter("", "folder with this host's keys, made by 'haptic-accel keys'")
+    insecure: bool = parameter(
+        False, "link hosts without keys: anybody with access to the port can then move the arm"
+    )
+
+    def __post_init__(self) -> None:
+        """Check all fields, the form of the peer's address, and authentication."""
+        super().__post_init__()
+        if self.peer:
+            check_peer(self.peer, self.transport, self.keys, insecure=self.insecure)
+
+
+def check_peer(peer: str, transport: str, keys: str, *, insecure: bool) -> None:
+    """Reject a peer with an invalid address, or without authentication.
+
+    Raises
+    ------
+    ParameterError
+        The message names the parameter and the allowed values.
+    """
+    host, _ = host_and_port(peer)
+    if insecure and (keys or transport != UDP):
+        conflict = f"keys:={keys}" if keys else f"transport:={transport}"
+        raise ParameterError(f"insecure = True: must not come with {conflict}")
+    if not (keys or insecure or (transport == UDP and is_loopback(host))):
+        raise ParameterError(
+            f"keys = '': must be the folder of this host's keys, as peer {host} is another host;"
+            " run haptic-accel keys to make it"
+        )
 
 
 def _kinds(classes: Mapping[str, Any]) -> dict[str, type]:

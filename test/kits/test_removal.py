@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import ast
 import os
+import re
 import shutil
 import signal
 import subprocess
 from collections.abc import Collection, Iterator
+from importlib.metadata import distribution
 from pathlib import Path
 
 import pytest
@@ -30,8 +32,8 @@ VERBS = {
 }
 """Verb of each kit that has one."""
 
-WITHOUT_A_VERB = {"lerobot"}
-"""Kits that another program calls, not `haptic-accel`."""
+WITHOUT_A_VERB = {"crtk", "lerobot"}
+"""Kits of drivers, and those that another program calls, not `haptic-accel`."""
 
 MAIN = "-c", "from haptic_accel.cli.start import main; main()"
 """What the console script does."""
@@ -74,10 +76,16 @@ def house(folder: Path, removed: Collection[str]) -> Path:
     shutil.copytree(SOURCE / "haptic_accel", folder / "haptic_accel", ignore=ignored)
     shutil.copy(SOURCE / "package.xml", folder)
     (folder / "config").symlink_to(SOURCE / "config")
-    places = ((kit, f"haptic_accel.kits.{kit}:VERB") for kit in KITS)
-    verbs = {VERBS[kit]: place for kit, place in places if kit in VERBS}
-    kept = {verb: place for verb, place in verbs.items() if verb not in map(VERBS.get, removed)}
-    declare(folder, "haptic_accel", kept)
+    declare(folder, "haptic_accel", {})
+    entries = [
+        f"[{each.group}]\n{each.name} = {each.value}\n"
+        for each in distribution("haptic_accel").entry_points
+        if each.value.startswith("haptic_accel.kits.")
+        if re.split("[.:]", each.value)[2] not in removed
+    ]
+    (declared,) = folder.glob("*.dist-info/entry_points.txt")
+    with declared.open("a") as file:
+        file.writelines(entries)
     return folder
 
 
@@ -156,6 +164,22 @@ def test_without_its_kit_a_peer_is_refused_in_one_line(bare: Path) -> None:
     assert (found.returncode, found.stdout) == (2, "")
     needed = "side:=slave: needs the kit link, which is not installed"
     assert found.stderr == f"haptic-accel: {needed}\n"
+
+
+def test_without_its_kit_an_arm_by_crtk_is_refused_in_one_line(bare: Path) -> None:
+    found = ended(bare, *MAIN, "teleop", "slave:=crtk")
+    assert (found.returncode, found.stdout) == (2, "")
+    assert re.fullmatch(
+        r"haptic-accel: slave = 'crtk': must be one of simulated, .*\n", found.stderr
+    )
+
+
+def test_without_its_kit_a_network_is_refused_in_one_line(bare: Path) -> None:
+    words = "experiment", "--lockstep", "--delay", "20", "duration:=1", "surface:=text"
+    found = ended(bare, *MAIN, *words, "controller:=none", "--out", "lossy")
+    needed = "network between the arms: needs the kit link, which is not installed"
+    assert (found.returncode, needed in found.stderr) == (2, True), found.stderr
+    assert "Traceback" not in found.stderr
 
 
 @pytest.mark.quiet

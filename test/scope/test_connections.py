@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.scope import connections
-from haptic_accel.scope.connections import TOKEN_VARIABLE, Access, is_loopback
+from haptic_accel.scope.connections import TOKEN_VARIABLE, Access
 from haptic_accel.scope.server import Act, ScopeServer
 from running import PATIENCE, wait_until
 
@@ -83,14 +83,6 @@ def test_only_the_token_itself_is_admitted(token: str, given_token: str) -> None
     assert access.admits_token(token)
     assert access.admits_token(given_token) is (given_token == token)
     assert not access.admits_token(None)
-
-
-@pytest.mark.parametrize(
-    ("host", "loopback"),
-    [("127.0.0.1", True), ("::1", True), ("localhost", True), ("0.0.0.0", False), ("", False)],
-)
-def test_loopback(host: str, loopback: bool) -> None:
-    assert is_loopback(host) is loopback
 
 
 @pytest.mark.parametrize("token", ["two words", "schl\u00fcssel", "a&b", "100%", "a#b", "a\n"])

@@ -10,7 +10,12 @@ import pytest
 from haptic_accel.core.parameters import ParameterError, allowed_values
 from haptic_accel.devices import MASTERS, SLAVES
 from haptic_accel.setup import build_parameters, node_schema
-from haptic_accel.setup.node_parameters import NODES, declared_schema
+from haptic_accel.setup.node_parameters import (
+    NODES,
+    LinkNodeParameters,
+    declared_schema,
+    host_and_port,
+)
 
 OLDER = {"safety.arm.max_age": 0.2, "safety.actuator.max_age": 0.2}
 
@@ -32,7 +37,7 @@ def test_a_device_with_the_parameters_of_others_adds_none(executable: str, devic
         ("master_device", {"device": "pointer"}, {"simulated"}),
         ("master_device", {"device": "can_serial"}, {"can", "serial"}),
         ("master_device", {"device": "none", "actuator_device": "audio"}, {"audio"}),
-        ("slave_device", {"device": "crtk", "accelerometer_device": "audio"}, {"crtk", "audio"}),
+        ("slave_device", {"device": "can", "accelerometer_device": "audio"}, {"can", "audio"}),
         ("slave_device", {"device": "virtual"}, {"virtual"}),
     ],
 )
@@ -100,3 +105,39 @@ def test_a_latency_at_which_every_force_is_outdated_is_refused(device: str) -> N
     with pytest.raises(ParameterError, match=r"^latency = 20: 0\.1 s at rate = 200 Hz, must be"):
         build_parameters(device, {"latency": 20, "rate": 200.0})
     build_parameters(device, {"latency": 20, "rate": 200.0} | OLDER)
+
+
+@pytest.mark.parametrize(
+    ("peer", "expected"),
+    [
+        ("robot", ("robot", 0)),
+        ("10.0.0.2:9000", ("10.0.0.2", 9000)),
+        ("robot.lab:1", ("robot.lab", 1)),
+        ("fd00::2", ("fd00::2", 0)),
+        ("[fd00::2]:7447", ("fd00::2", 7447)),
+    ],
+)
+def test_a_peer_is_a_host_with_or_without_a_port(peer: str, expected: tuple[str, int]) -> None:
+    assert host_and_port(peer) == expected
+
+
+WRONG = [":7", "robot:", "robot:0", "robot:65535", "a b", "robot:x", "a/b", "[]:1"]
+
+
+@pytest.mark.parametrize("peer", WRONG)
+def test_another_form_is_refused_in_one_line(peer: str) -> None:
+    with pytest.raises(ParameterError, match=r"^peer = .*: must be HOST or HOST:PORT"):
+        LinkNodeParameters(peer=peer, keys="k")
+
+
+@pytest.mark.parametrize("peer", ["10.0.0.2", "robot.lab", "fd00::2", "192.168.0.1:7300"])
+def test_another_host_needs_a_key_unless_it_is_said_to_be_insecure(peer: str) -> None:
+    with pytest.raises(ParameterError, match=r"^keys = '': must be the folder of this host's k"):
+        LinkNodeParameters(peer=peer)
+    LinkNodeParameters(peer=peer, insecure=True)
+    LinkNodeParameters(peer=peer, keys="keys")
+
+
+@pytest.mark.parametrize("peer", ["127.0.0.1", "127.9.9.9:7300", "localhost", "::1"])
+def test_this_machine_needs_none(peer: str) -> None:
+    LinkNodeParameters(peer=peer)

@@ -125,7 +125,7 @@ def test_what_cannot_be_is_refused_before_anything_starts(
     assert str(refused.value).startswith(line)
 
 
-APART_FOR = ["respawn:=true", "slave:=topics replay:=/bag", "slave:=crtk", "master:=crtk"]
+APART_FOR = ["respawn:=true", "slave:=topics replay:=/bag"]
 
 
 @pytest.mark.parametrize("words", APART_FOR)

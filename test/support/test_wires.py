@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.network import ChannelParameters
 from running import wait_until
 from wires import ADDRESSES, Wire, reason_against
 

@@ -20,7 +20,7 @@ from two_arms import HAND_DAMPING, RATE, Around, Hand, Path, PointMass
 from haptic_accel.core.actuator import ArmLimits, SafetyParameters
 from haptic_accel.core.coupling.passive import PassiveHalf, PassiveParameters
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.network.channel import Channel
+from haptic_accel.core.network import Channel
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.simulated_rig import rig_side
 from haptic_accel.core.tick import ARM

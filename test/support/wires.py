@@ -27,7 +27,7 @@ from dataclasses import asdict
 from types import TracebackType
 from typing import Any
 
-from haptic_accel.core.network.channel import Channel, ChannelParameters
+from haptic_accel.core.network import Channel, ChannelParameters
 
 ADDRESSES = ("10.77.0.1", "10.77.0.2")
 """IPv4 address of each end."""

@@ -10,6 +10,7 @@ from haptic_accel.core.tick.device_side import *
 from haptic_accel.core.tick.guard import *
 from haptic_accel.core.tick.limits import *
 from haptic_accel.core.tick.loop import *
+from haptic_accel.core.tick.loss_concealment import *
 from haptic_accel.core.tick.rigs import *
 from haptic_accel.core.tick.samples import *
 from haptic_accel.core.tick.watching import *

@@ -11,10 +11,10 @@ GROUP = LazyGroup(
         "Hardware": {
             "can": "two arms of ODrives on CAN",
             "serial": "boards of handle and tool on USB serial",
-        },
-        "Network": {"network": "delay, jitter and loss between two hosts"},
+        }
     },
     module="haptic_accel.kits.emulators.command_line",
+    entry_points="haptic_accel.emulators",
     help="Emulate boards or arms to test the drivers without hardware, or a bad network.",
     examples=["haptic-accel emulate serial", "haptic-accel emulate can faults:=estimates@2"],
 )

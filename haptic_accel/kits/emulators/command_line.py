@@ -1,16 +1,14 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``haptic-accel emulate``: boards or arms with the virtual rig, or the network of two hosts."""
+"""``haptic-accel emulate``: boards or arms with the virtual rig."""
 
 from __future__ import annotations
 
 import itertools
 import math
-import os
 import random
 import shlex
-import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,18 +18,15 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from haptic_accel import Axes, Checked, GraphArguments, Setup, Vector, commands, parameter
-from haptic_accel.commands import is_ours
 from haptic_accel.core import ALL_AXES, GRAVITY, ZERO, RigParameters, located
 from haptic_accel.core.parameters import from_flat, like
 from haptic_accel.core.tick import PositionPositionCoupling
 from haptic_accel.devices import SimulatedDevice, SimulatedMaster, SimulatedSlave
 from haptic_accel.devices.can import KINEMATICS, CanParameters, bus_configuration, open_bus
 from haptic_accel.devices.serial import HIGHEST_BOARD_RATE, MISSING_LIBRARY
-from haptic_accel.graph import RELAY_PRIORITY, RelayArguments, hurry, open_relay, serve_relay
 from haptic_accel.kits.emulators import ports
 from haptic_accel.kits.emulators.can_line import BusPort, CanLine, EmulatedArm, SlcanPort
 from haptic_accel.kits.emulators.ports import FaultKind, Faults
-from haptic_accel.links import host_and_port, is_loopback
 from haptic_accel.setup import parameter_text
 
 if TYPE_CHECKING:
@@ -120,9 +115,7 @@ class EmulateSerialArguments(EmulationArguments):
 class EmulateCanArguments(EmulationArguments):
     """Arguments of the emulated arms."""
 
-    kinematics: str = parameter(
-        "arm", "kinematics with one, two or three joints", choices=KINEMATICS
-    )
+    kinematics: str = like(CanParameters, "kinematics")
     rate: float = parameter(
         500.0, "rate of estimates and of the virtual rig", unit="Hz", low=50.0, high=1000.0
     )
@@ -233,52 +226,6 @@ def emulate_can(arguments: EmulateCanArguments) -> None:
         return any(line.driven for line in lines)
 
     _run(lines, arguments.duration, driven, "the arms have torques")
-
-
-@commands.verb(
-    "haptic-accel emulate network delay:=0.05",
-    "haptic-accel emulate network delay:=0.05 jitter:=0.01 loss:=0.02",
-    "haptic-accel emulate network master:=desk.lab slave:=robot.lab delay:=0.1",
-    name="network",
-)
-@commands.arguments(RelayArguments)
-def emulate_network(arguments: RelayArguments) -> None:
-    """Emulate a bad network between two hosts until Ctrl-C.
-
-    Each host has the address of this machine as its peer. Meanwhile, a line of words changes the
-    network: delay:=0.1 loss:=0 for a longer delay and no loss.
-    """
-    print(
-        "emulating a network; in another terminal each, with this machine's address:\n"
-        f"  {_side('master', arguments.master)}\n"
-        f"  {_side('slave', arguments.slave)}\n"
-        "on one machine, the second with another ROS_DOMAIN_ID",
-        flush=True,
-    )
-    with commands.stop_on_signal() as stopped:
-        try:
-            relay = open_relay(arguments)
-            hurry(RELAY_PRIORITY)
-            serve_relay(relay, commands.print_line, stopped, _words_source())
-        except OSError as error:
-            raise commands.StoppedError(str(error)) from None
-
-
-def _side(side: str, host: str) -> str:
-    """Return the command line that runs a side."""
-    address, port = host_and_port(host)
-    here = "127.0.0.1" if is_loopback(address) else "THIS_MACHINE"
-    keys = "" if is_loopback(address) else " keys:=KEYS"
-    return f"haptic-accel teleop side:={side} peer:={here}{f':{port}' if port else ''}{keys}"
-
-
-def _words_source() -> int | None:
-    """Return the standard input; None if missing or the terminal of another program."""
-    try:
-        source = sys.stdin.fileno()
-    except (AttributeError, OSError):  # standard input is closed, or no file
-        return None
-    return None if os.isatty(source) and not is_ours(source) else source
 
 
 def _faults(

@@ -8,3 +8,9 @@ import haptic_accel.nodes  # noqa: F401
 from haptic_accel.commands import KitVerb
 
 VERB = KitVerb("Machine", "make keys for two hosts", "haptic_accel.kits.link.keys")
+
+NETWORK = KitVerb(
+    "Network",
+    "delay, jitter and loss between two hosts",
+    "haptic_accel.kits.link.emulated_network",
+)

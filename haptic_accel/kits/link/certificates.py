@@ -5,13 +5,10 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
 from ipaddress import ip_address
-from pathlib import Path
 from secrets import token_hex
 
 from cryptography import x509
@@ -45,36 +42,19 @@ SLACK = timedelta(days=1)
 slow."""
 
 
-@dataclass(frozen=True)
-class Identity:
-    """Files for the authentication of a host, all in PEM format.
-
-    Attributes
-    ----------
-    authority, certificate, key : bytes
-        Certificate of the authority; certificate and private key of the host.
-    """
-
-    authority: bytes
-    certificate: bytes
-    key: bytes
-
-    def write(self, folder: Path) -> None:
-        """Write the files, readable by the owner only, to a folder without such files."""
-        names = (AUTHORITY, CERTIFICATE, KEY)
-        for name, content in zip(names, (self.authority, self.certificate, self.key), strict=True):
-            new = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-            with open(new, "wb") as file:
-                file.write(content)
-
-
-def certified_pair(hosts: Sequence[Sequence[str]]) -> list[Identity]:
+def certified_pair(hosts: Sequence[Sequence[str]]) -> list[dict[str, bytes]]:
     """Certify hosts by an authority whose private key is not stored.
 
     Parameters
     ----------
     hosts : sequence of sequence of str
         Names or addresses of the hosts.
+
+    Returns
+    -------
+    list of dict
+        Files of each host by name, in PEM format: the authority's certificate, and the host's
+        certificate and private key.
 
     Raises
     ------
@@ -103,8 +83,9 @@ def certified_pair(hosts: Sequence[Sequence[str]]) -> list[Identity]:
             .sign(authority_key, hashes.SHA256())
         )
         secret = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
-        public = certificate.public_bytes(Encoding.PEM)
-        pair.append(Identity(authority.public_bytes(Encoding.PEM), public, secret))
+        public = {AUTHORITY: authority, CERTIFICATE: certificate}
+        files = {name: each.public_bytes(Encoding.PEM) for name, each in public.items()}
+        pair.append({**files, KEY: secret})
     return pair
 
 

@@ -16,6 +16,7 @@ import os
 import secrets
 import socket
 from collections import deque
+from collections.abc import Mapping
 from contextlib import suppress
 from hmac import compare_digest
 from pathlib import Path
@@ -168,7 +169,7 @@ class Authenticator:
     The tag is keyed BLAKE2b (RFC 7693) of the complete datagram, for the sending side and its
     graph's namespace. A datagram that is reflected to its sender, or forwarded to another graph
     with the same key, is therefore rejected. Sessions and numbers inside the datagram prevent
-    replays; see `core.network.endpoint`.
+    replays; see `kits.link.endpoint`.
 
     Parameters
     ----------
@@ -211,13 +212,19 @@ class Authenticator:
         return datagram if compare_digest(tag.digest(), data[-TAG_LENGTH:]) else None
 
 
+def write_new(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files by name, readable by the owner only, to a folder without such files."""
+    for name, content in files.items():
+        new = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with open(new, "wb") as file:
+            file.write(content)
+
+
 def write_new_key(*folders: Path) -> None:
     """Write a new key, readable by the owner only, to folders without a key."""
     text = f"{TITLE}\n{secrets.token_hex(KEY_LENGTH)}\n"
     for folder in folders:
-        new = os.open(folder / LINK_KEY, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with open(new, "w", encoding="ascii") as file:
-            file.write(text)
+        write_new(folder, {LINK_KEY: text.encode("ascii")})
 
 
 def read_key(folder: str) -> bytes:

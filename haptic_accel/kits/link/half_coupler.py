@@ -11,11 +11,14 @@ from __future__ import annotations
 import math
 import time
 
-from haptic_accel import Axes, core
+from haptic_accel import Axes
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import SLAVE, ArmSample, CoupledForces
 from haptic_accel.core.topics import TOOL_ACCELERATION
 from haptic_accel.kits.link.datagrams import COUPLER, LocalEnd
+from haptic_accel.kits.link.endpoint import random_session
+from haptic_accel.kits.link.playout import PLAYED_KINDS
+from haptic_accel.kits.link.two_hosts import ArmEndpoint, HalfCouplingPart, HalfEngagement
 from haptic_accel.nodes import ARM_TOPICS, CouplingNode, MotionSynchronizer, Samples, run_nodes
 from haptic_accel.nodes.timing import RateKeeper, system_time, wake_time
 
@@ -34,8 +37,8 @@ class HalfCoupler(CouplingNode):
         super().__init__()
         p = self.parameters
         axes = Axes.parsed(p.axes)
-        end = core.ArmEndpoint(p.side, p, p.rate, p.latency, core.random_session(), axes)
-        self.part: core.HalfCouplingPart = core.HalfCouplingPart(end, self._here, p.timeout)
+        end = ArmEndpoint(p.side, p, p.rate, p.latency, random_session(), axes)
+        self.part: HalfCouplingPart = HalfCouplingPart(end, self._here, p.timeout)
         self._end, self._endpoint = end, end.endpoint
         self._local = LocalEnd(
             COUPLER, self.context.get_domain_id(), self.get_namespace().rstrip("/")
@@ -55,9 +58,9 @@ class HalfCoupler(CouplingNode):
             self._send_tool = self.sender(TOOL_ACCELERATION).send
             self._ticks = RateKeeper(p.rate, lead=wake_time())
 
-    def build_engagement(self, now: float) -> core.HalfEngagement:
+    def build_engagement(self, now: float) -> HalfEngagement:
         """Return the engagement of this host's arm."""
-        self._here = core.HalfEngagement(self.parameters, now, self.parameters.side)
+        self._here = HalfEngagement(self.parameters, now, self.parameters.side)
         return self._here
 
     def start_again(self) -> None:
@@ -83,10 +86,10 @@ class HalfCoupler(CouplingNode):
             "force limited by the energy tank (%)": f"{100 * half.limited:.1f}",
         }
         if self._ticks:
-            played = sum(playout.counts[kind] for kind in core.PLAYED_KINDS)
+            played = sum(playout.counts[kind] for kind in PLAYED_KINDS)
             values["playout delay (ms)"] = f"{playout.delay * 1e3:.2f}"
             values["samples played"] = str(played)
-            for kind in (*core.PLAYED_KINDS, "late"):
+            for kind in (*PLAYED_KINDS, "late"):
                 share = 100 * playout.counts[kind] / played if played else 0.0
                 values[f"samples {kind} (%)"] = f"{share:.3f}"
         problems = *self._endpoint.problems(system, now).values(), self._local.note

@@ -10,14 +10,10 @@ from pathlib import Path
 import click
 
 from haptic_accel.commands import FILE, make_folder, next_command, verb
-from haptic_accel.kits.link.datagrams import write_new_key
+from haptic_accel.kits.link.datagrams import write_new, write_new_key
 
 FOLDERS = {"robot": "slave", "operator": "master"}
 """Sides of the two hosts by folder."""
-
-WITHOUT_CERTIFICATES = (
-    "without certificates for transport:=zenoh: these need pip install 'haptic_accel[zenoh]'"
-)
 
 
 @verb(
@@ -38,8 +34,8 @@ def keys(robot: str, operator: str, out: Path) -> None:
     try:
         from haptic_accel.kits.link.certificates import certified_pair
     except ImportError:
-        print(WITHOUT_CERTIFICATES)
         pair = []
+        print("without certificates for transport:=zenoh: needs pip install 'haptic_accel[zenoh]'")
     else:
         pair = certified_pair(hosts)
     make_folder(out)
@@ -47,8 +43,8 @@ def keys(robot: str, operator: str, out: Path) -> None:
     for folder in folders:
         folder.mkdir(mode=0o700)
     write_new_key(*folders)
-    for folder, identity in zip(folders, pair, strict=False):
-        identity.write(folder)
+    for folder, files in zip(folders, pair, strict=False):
+        write_new(folder, files)
     (robot, *_), (operator, *_) = hosts
     for folder, own, peer in zip(folders, (robot, operator), (operator, robot), strict=True):
         print(f"{folder}: copy it to {own}")

@@ -21,15 +21,14 @@ from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any, Protocol
 
-from haptic_accel import ParameterError
+from haptic_accel import ParameterError, setup
 from haptic_accel.graph import own_domain
 from haptic_accel.kits.link import datagrams
+from haptic_accel.kits.link.addresses import Route, bound, route
 from haptic_accel.kits.link.datagrams import Authenticator, LocalEnd, read_key
 from haptic_accel.kits.link.zenoh import ZenohCarrier
-from haptic_accel.links import UDP, LinkNodeParameters, Route, bound, check_peer, route
 from haptic_accel.nodes import POLL_PERIOD, TEARDOWN, Signals, run_process
 from haptic_accel.nodes.timing import ask_for_realtime
-from haptic_accel.setup import build_parameters, read_parameter_file
 from haptic_accel.setup.arguments import LOG_LEVELS
 
 END_CHECK_PERIOD = 0.25
@@ -176,7 +175,7 @@ class PeerMonitor:
 
 def described(route: Route, side: str, transport: str) -> str:
     """Return a description of the route: addresses and UDP ports."""
-    if transport == UDP:
+    if transport == setup.UDP:
         return (
             f"{side} at {route.own}, receives on port {route.own_port}/udp, sends to {route.peer}"
             f" port {route.peer_port}/udp"
@@ -283,17 +282,18 @@ def _run(signals: Signals) -> None:
     logging.addLevelName(logging.WARNING, "WARN")
     logging.basicConfig(format=_FORMAT, level=level.upper())
     logging.raiseExceptions = False  # the log may have no reader
-    key = read_key(parameters.keys) if parameters.keys and parameters.transport == UDP else b""
+    is_udp = parameters.transport == setup.UDP
+    key = read_key(parameters.keys) if parameters.keys and is_udp else b""
     way = _way(parameters, namespace, signals)
     if way is None:
         return
     # Check the resolved address: this machine's name might resolve to another host.
-    check_peer(way.peer, parameters.transport, parameters.keys, insecure=parameters.insecure)
+    setup.check_peer(way.peer, parameters.transport, parameters.keys, insecure=parameters.insecure)
     hints = advice(way, parameters.side, parameters.transport)
     monitor = PeerMonitor(f"peer {way.host}", hints, parameters.keys, time.monotonic())
     note = INSECURE if parameters.insecure else ""
     with closing(LocalEnd(datagrams.LINK, own_domain(), namespace)) as local:
-        if parameters.transport == UDP:
+        if is_udp:
             authenticator = Authenticator(key, parameters.side, namespace)
             carrier: Carrier = UdpCarrier(way, authenticator, monitor.refuse)
         else:
@@ -307,7 +307,7 @@ def _run(signals: Signals) -> None:
         carry(local, carrier, monitor, signals, note)
 
 
-def _way(parameters: LinkNodeParameters, namespace: str, signals: Signals) -> Route | None:
+def _way(parameters: setup.LinkNodeParameters, namespace: str, signals: Signals) -> Route | None:
     """Return the route to the peer once available; None if the process must end before.
 
     A robot may start before its network.
@@ -325,7 +325,7 @@ def _way(parameters: LinkNodeParameters, namespace: str, signals: Signals) -> Ro
     return None
 
 
-def _given(words: Sequence[str]) -> tuple[str, str, LinkNodeParameters]:
+def _given(words: Sequence[str]) -> tuple[str, str, setup.LinkNodeParameters]:
     """Return namespace, log level and parameters from a command line as `graph` writes it.
 
     Raises
@@ -346,8 +346,8 @@ def _given(words: Sequence[str]) -> tuple[str, str, LinkNodeParameters]:
             raise ParameterError(f"{word} {following}: no such argument")
     values = dict[str, Any]()
     for file in files:
-        values |= read_parameter_file(file, namespace)["link"]
-    parameters, _ = build_parameters("link", values)
+        values |= setup.read_parameter_file(file, namespace)["link"]
+    parameters, _ = setup.build_parameters("link", values)
     if not parameters.peer:
         raise ParameterError("peer = '': must be HOST or HOST:PORT of the other host")
     return namespace, level, parameters

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from haptic_accel import ParameterError
-from haptic_accel.links import Route
+from haptic_accel.kits.link.addresses import Route
 
 AUTHORITY, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"
 """Files of a host: certificate of the authority, own certificate, and private key."""

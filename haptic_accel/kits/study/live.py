@@ -66,7 +66,7 @@ class LiveRig:
     def __init__(self, protocol: Protocol, folder: Path) -> None:
         self._protocol, self._folder = protocol, folder
         self._context, self._network = ExitStack(), ExitStack()
-        self._relay: graph.RelayProcess | None = None
+        self._relay: graph.Relay | None = None
         self._joined: nodes.JoinedView
         self._view: nodes.GraphView
         self._graph: graph.BackgroundGraph | None = None

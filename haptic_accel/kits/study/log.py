@@ -303,7 +303,7 @@ def trial_of(entry: Entry) -> trials.TrialRecord:
     """Return the trial of a line."""
     content = unseal(entry["sealed"])
     trial, answer = content["trial"], content["answer"]
-    stimuli = tuple(_condition(each["settings"]) for each in trial["stimuli"])
+    stimuli = tuple(Condition(tuple(map(tuple, each["settings"]))) for each in trial["stimuli"])
     planned = trial | {"stimuli": stimuli, "answers": tuple(trial["answers"])}
     return trials.TrialRecord(
         trial=trials.PlannedTrial(**planned),
@@ -323,10 +323,6 @@ def unseal(text: str) -> dict[str, Any]:
     """Return the content of a sealed text."""
     content: dict[str, Any] = json.loads(base64.b64decode(text, validate=True))
     return content
-
-
-def _condition(settings: list[list[Any]]) -> Condition:
-    return Condition(tuple((factor, value) for factor, value in settings))
 
 
 def _entry(line: bytes, before: str, number: int) -> Entry:

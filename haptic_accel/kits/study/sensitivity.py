@@ -240,10 +240,6 @@ def _phi(z: FloatArray) -> FloatArray:
     return np.asarray(ndtr(z))
 
 
-def _two_intervals(d: FloatArray) -> FloatArray:
-    return _phi(d / math.sqrt(2))
-
-
 def _triangle(d: FloatArray) -> FloatArray:
     """Integrate over the distance of the two equal stimuli, from 0 to 9 standard deviations."""
     x = 4.5 * (_NODES + 1)
@@ -260,7 +256,7 @@ def _abx(d: FloatArray) -> FloatArray:
 
 
 _CORRECT: Mapping[str, Callable[[FloatArray], FloatArray]] = {
-    "2ifc": _two_intervals,
+    "2ifc": lambda d: _phi(d / math.sqrt(2)),
     "odd_one_out": _triangle,
     "abx": _abx,
 }

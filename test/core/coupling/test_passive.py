@@ -18,7 +18,7 @@ from two_arms import free, wall
 
 from haptic_accel.core.coupling import passive
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.network.channel import Channel, ChannelParameters
+from haptic_accel.core.network import Channel, ChannelParameters
 from two_sides import UNLIMITED, Instant, Packet, Side, run
 
 RATE = 1000.0

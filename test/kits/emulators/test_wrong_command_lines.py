@@ -16,7 +16,6 @@ REFUSED = {
     "emulate can surface:=cheese": "surface = 'cheese': must be one of plywood, ...",
     "emulate can folder:=/dev/null": "folder = '/dev/null': must be a folder or new: File exists",
     "emulate can speed:=3": "speed: no such argument...",
-    "emulate network delay:=-1": "delay = -1.0: must be from 0 to 10 s",
     "emulate serial faults:=fire": "faults: 'fire': must be NAME or NAME@SECONDS of garbage, ...",
     "emulate serial surface:=ice": "surface = 'ice': must be one of plywood, ...",
     "emulate serial folder:=file": "folder = 'file': must be a folder or new: File exists",

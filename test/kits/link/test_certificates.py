@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits.link.datagrams import write_new
 from haptic_accel.kits.link.zenoh import AUTHORITY, CERTIFICATE, KEY
 
 certificates = pytest.importorskip("haptic_accel.kits.link.certificates")
@@ -23,9 +24,9 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     made = []
     for pair in ("one", "two"):
         folder = tmp_path_factory.mktemp(pair)
-        for name, identity in zip("ab", certificates.certified_pair(HOSTS), strict=True):
+        for name, files in zip("ab", certificates.certified_pair(HOSTS), strict=True):
             (folder / name).mkdir()
-            identity.write(folder / name)
+            write_new(folder / name, files)
             made.append(folder / name)
     return made
 
@@ -72,7 +73,7 @@ def test_only_the_owner_reads_the_files_and_none_is_written_over(folders: list[P
         assert path.stat().st_mode & 0o077 == 0
     assert {path.name for path in folders[0].iterdir()} == {AUTHORITY, CERTIFICATE, KEY}
     with pytest.raises(FileExistsError):
-        certificates.certified_pair(HOSTS)[0].write(folders[0])
+        write_new(folders[0], certificates.certified_pair(HOSTS)[0])
 
 
 @pytest.mark.parametrize("name", ["", "a b", "-a", "*.lab", "r\u00f6bot"])

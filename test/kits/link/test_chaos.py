@@ -19,8 +19,8 @@ import pytest
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED
+from haptic_accel.kits.link.addresses import FIRST_PORTS
 from haptic_accel.kits.link.datagrams import write_new_key
-from haptic_accel.links import FIRST_PORTS
 from running import Command, StallWatch, Start
 from wires import ADDRESSES, DEVICE, Wire, reason_against
 

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.core.network.endpoint import VERSION, Endpoint, Motion, State
 from haptic_accel.kits.link.datagrams import LINK, LocalEnd
+from haptic_accel.kits.link.endpoint import VERSION, Endpoint, Motion, State
 from observing import Observer
 from running import Command, Start, nodes_of, reserved_domain, wait_until
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from haptic_accel.core.axes import along_actuator
-from haptic_accel.core.network import endpoint
+from haptic_accel.kits.link import endpoint
 from haptic_accel.kits.link.datagrams import KEY_LENGTH, Authenticator
 
 RATE = 1000.0

@@ -19,17 +19,18 @@ import psutil
 import pytest
 
 from haptic_accel.core.process import DONE, EMERGENCY, WRONG_ARGUMENTS
+from haptic_accel.kits.link.addresses import Route
 from haptic_accel.kits.link.datagrams import (
     COUPLER,
     LONGEST_DATAGRAM,
     Authenticator,
     LocalEnd,
     read_key,
+    write_new,
     write_new_key,
 )
 from haptic_accel.kits.link.link import REPEAT, SEARCH_PERIOD, SILENCE, PeerMonitor, advice
 from haptic_accel.kits.link.zenoh import AUTHORITY
-from haptic_accel.links import Route
 from running import Command, Start, free_ports, reserved_domain, wait_until
 
 SIDES = ("master", "slave")
@@ -204,9 +205,9 @@ def keys(tmp_path: Path) -> Callable[[str, str], dict[str, Path]]:
         (tmp_path / name).mkdir()
         folders = {side: tmp_path / name / side for side in ("slave", "master")}
         pair = certificates.certified_pair([[host], [host]])
-        for folder, identity in zip(folders.values(), pair, strict=True):
+        for folder, files in zip(folders.values(), pair, strict=True):
             folder.mkdir()
-            identity.write(folder)
+            write_new(folder, files)
         return folders
 
     return made

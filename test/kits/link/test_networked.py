@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.network import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.networked import RelayError, networked_graph, sides
 from haptic_accel.graph.supervisor import Outcome, Supervisor
+from haptic_accel.kits.link.networked import RelayError, networked_graph, sides
 from haptic_accel.setup.arguments import GraphArguments
 from observing import Observer
 from running import on_thread, reserved_domain, wait_until

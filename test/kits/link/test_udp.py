@@ -14,10 +14,10 @@ from contextlib import ExitStack
 
 import pytest
 
-from haptic_accel.core.network.endpoint import Endpoint, Motion, State, unpack
+from haptic_accel.kits.link.addresses import Route, bound
 from haptic_accel.kits.link.datagrams import KEY_LENGTH, TAG_LENGTH, Authenticator
+from haptic_accel.kits.link.endpoint import Endpoint, Motion, State, unpack
 from haptic_accel.kits.link.link import UdpCarrier
-from haptic_accel.links import Route, bound
 from running import wait_until
 
 KEY = b"k" * KEY_LENGTH

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits.link.addresses import Route
 from haptic_accel.kits.link.zenoh import Pace, check_keys, refusal, settings
-from haptic_accel.links import Route
 
 START = "\x1b[2m2026-11-23T02:01:43.418360Z\x1b[0m \x1b[33m WARN\x1b[0m acc-0 ThreadId(05) "
 """Beginning of a line of Zenoh 1.10, in colours."""

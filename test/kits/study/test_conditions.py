@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.network import ChannelParameters
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.kits.study.conditions import arguments, channel, check_deliverable, live
 from haptic_accel.kits.study.folder import templates

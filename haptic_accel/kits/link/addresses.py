@@ -1,7 +1,7 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Addresses, ports and parameters of the link between two hosts."""
+"""Addresses and ports of the link between two hosts."""
 
 from __future__ import annotations
 
@@ -10,16 +10,11 @@ import hashlib
 import os
 import socket
 from dataclasses import dataclass
-from ipaddress import ip_address
-from typing import Any
 
-from haptic_accel.core.parameters import Checked, ParameterError, parameter, shown
-from haptic_accel.core.topics import ARMS
+from haptic_accel import ParameterError
+from haptic_accel.setup import host_and_port
 
 DATAGRAMS = socket.SOCK_DGRAM
-
-HIGHEST_PORT = 65535
-"""Maximum UDP port."""
 
 FIRST_PORTS = {"udp": 7300, "zenoh": 7447}
 """First port of the root namespace by transport: for udp below 7400, where the ports of ROS domain
@@ -31,34 +26,6 @@ SLOTS = 50
 PORTS_EACH = {"udp": 2, "zenoh": 1}
 """Number of ports for a pair of hosts. udp: one per host, the master's first; zenoh: the slave's
 only."""
-
-
-def host_and_port(peer: str) -> tuple[str, int]:
-    """Return host and port of a peer; port 0 if none is specified.
-
-    Parameters
-    ----------
-    peer : str
-        HOST, HOST:PORT, or for an IPv6 address [HOST]:PORT.
-
-    Raises
-    ------
-    ParameterError
-        The peer has another form.
-    """
-    host, colon, port = peer.rpartition(":")
-    if not colon or (":" in host and not host.endswith("]")):
-        host, colon, port = peer, "", "0"
-    number = int(port) if port.isascii() and port.isdigit() else -1
-    host = host.removeprefix("[").removesuffix("]")
-    allowed = host and host.isascii() and host.isprintable() and not set(host) & set(" /[]?#,;")
-    # The highest port is not allowed, because the slave uses the next port.
-    if not allowed or number not in range(HIGHEST_PORT) or (colon and not number):
-        raise ParameterError(
-            f"peer = {shown(repr(peer))}: must be HOST or HOST:PORT, with a port from 1 to"
-            f" {HIGHEST_PORT - 1}"
-        )
-    return host, number
 
 
 @dataclass(frozen=True)
@@ -131,14 +98,6 @@ def bound(address: str, port: int) -> socket.socket:
     return opened
 
 
-def is_loopback(host: str) -> bool:
-    """Return whether a host is this machine, by its address or the name localhost."""
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
-
-
 def _slot(namespace: str) -> int:
     """Return the index of a namespace's ports: 0 for the root."""
     digest = hashlib.sha256(namespace.encode()).digest()
@@ -157,54 +116,12 @@ def _addresses(host: str, port: int, *, sort: bool) -> tuple[str, str]:
         kind, _, _, _, there = found[0]
         with socket.socket(kind, DATAGRAMS) as asking:
             asking.connect(there)  # determines the route; sends nothing
-            return _numeric(asking.getsockname()), _numeric(there)
+            # With the interface of a link-local address.
+            own, peer = (
+                socket.getnameinfo(each, socket.NI_NUMERICHOST | socket.NI_NUMERICSERV)[0]
+                for each in (asking.getsockname(), there)
+            )
+            return own, peer
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise ConnectionError(f"peer {host}: cannot be reached: {reason}") from None
-
-
-def _numeric(address: Any) -> str:
-    """Return a socket's address, with the interface if link-local."""
-    return socket.getnameinfo(address, socket.NI_NUMERICHOST | socket.NI_NUMERICSERV)[0]
-
-
-UDP, ZENOH = TRANSPORTS = ("udp", "zenoh")
-"""Transports of datagrams between hosts."""
-
-
-@dataclass(frozen=True)
-class LinkNodeParameters(Checked):
-    """Parameters of the node `link`."""
-
-    side: str = parameter("master", "arm of this host", choices=ARMS)
-    peer: str = parameter("", "peer host as HOST or HOST:PORT; empty for no link")
-    transport: str = parameter(UDP, "transport of datagrams to the peer host", choices=TRANSPORTS)
-    keys: str = parameter("", "folder with this host's keys, made by 'haptic-accel keys'")
-    insecure: bool = parameter(
-        False, "link hosts without keys: anybody with access to the port can then move the arm"
-    )
-
-    def __post_init__(self) -> None:
-        """Check all fields, the form of the peer's address, and authentication."""
-        super().__post_init__()
-        if self.peer:
-            check_peer(self.peer, self.transport, self.keys, insecure=self.insecure)
-
-
-def check_peer(peer: str, transport: str, keys: str, *, insecure: bool) -> None:
-    """Reject a peer with an invalid address, or without authentication.
-
-    Raises
-    ------
-    ParameterError
-        The message names the parameter and the allowed values.
-    """
-    host, _ = host_and_port(peer)
-    if insecure and (keys or transport != UDP):
-        conflict = f"keys:={keys}" if keys else f"transport:={transport}"
-        raise ParameterError(f"insecure = True: must not come with {conflict}")
-    if not (keys or insecure or (transport == UDP and is_loopback(host))):
-        raise ParameterError(
-            f"keys = '': must be the folder of this host's keys, as peer {host} is another host;"
-            " run haptic-accel keys to make it"
-        )

@@ -15,11 +15,16 @@ from typing import Any
 
 import pytest
 from geometry_msgs.msg import PoseStamped, WrenchStamped
+from renamed_rclpy import rename
 
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import DeviceError
-from haptic_accel.devices.crtk.device import CrtkArm, CrtkParameters
+from haptic_accel.kits.crtk.device import CrtkArm, CrtkParameters
+from haptic_accel.setup import build_parameters
+from haptic_accel.setup.arguments import parse_arguments
+from haptic_accel.setup.node_parameters import declared_schema
+from haptic_accel.setup.processes import arrangement, graph
 from observing import Observer
 from running import PATIENCE, Command, Start, wait_until
 
@@ -197,3 +202,47 @@ def test_the_graph_couples_an_arm_of_somebody_else(
     wait_until(acts, "a force on the arm")
     assert graph.end(signal.SIGINT) == 0, graph.text
     wait_until(lambda: not acts(), "no force")
+
+
+READ = """
+import time
+from haptic_accel.kits.crtk.device import CrtkArm, CrtkParameters
+from haptic_accel.setup import build_parameters
+from haptic_accel.setup.arguments import parse_arguments
+from haptic_accel.setup.node_parameters import declared_schema
+from haptic_accel.setup.processes import arrangement, graph
+from haptic_accel.devices.rclpy_internals import TAKES
+
+arm = CrtkArm(CrtkParameters(namespace="/somebody/slave", start_timeout=60.0, timeout=1.0), 1e3, 0)
+arm.open()
+while not (sample := arm.read(0.0)) or sample.position[0] <= 0:
+    arm.write(0.0, arm_force=(0.5, 0.0, 0.0))
+    time.sleep(0.001)
+arm.close()
+print("moved", TAKES)
+"""
+
+
+def test_an_arm_is_read_and_pushed_by_an_rclpy_with_other_private_names(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rename(tmp_path, monkeypatch)
+    start("-m", "haptic_accel.nodes.slave_device", "--ros-args", "-r", "__ns:=/somebody")
+    reader = start("-c", READ)
+    assert reader.end() == 0, reader.text
+    assert reader.lines[-1] == "moved False"
+
+
+@pytest.mark.parametrize("words", ["slave:=crtk", "master:=crtk"])
+def test_each_node_has_its_process_as_crtk_promises_no_watchdog(words: str) -> None:
+    arguments = parse_arguments([*words.split(), "composed:=true"])
+    assert not arguments.composed
+    assert arrangement(graph(arguments)).startswith("a process for each node; ")
+
+
+def test_a_device_node_declares_the_parameters_of_the_arm_and_its_sensor() -> None:
+    values = {"device": "crtk", "accelerometer_device": "audio"}
+    own, _ = build_parameters("slave_device", values)
+    declared = declared_schema("slave_device", own)
+    parts = {name.partition(".")[0] for name in declared if "." in name}
+    assert parts == {"crtk", "audio", "safety", "servo_cp"}

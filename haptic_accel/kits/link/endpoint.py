@@ -23,11 +23,11 @@ from enum import Enum, auto
 from functools import cache
 from typing import NamedTuple
 
-from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
-from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.network.playout import Playout
+from haptic_accel import Axes, Vector
+from haptic_accel.core import ACTUATOR_AXES, NAMES, ZERO
 from haptic_accel.core.sampling import NANOSECONDS, same_rate
 from haptic_accel.core.topics import ARMS
+from haptic_accel.kits.link.playout import Playout
 
 VERSION = 3
 """Version of the layout; hosts with different versions reject each other's packets."""

@@ -15,12 +15,12 @@ import pytest
 from haptic_accel.core import topics
 from haptic_accel.core.coupling.passive import CouplingParameters, PassiveParameters
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.core.network.endpoint import Motion, State
+from haptic_accel.core.network import ChannelParameters
 from haptic_accel.core.sampling import RELEASED
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.trial import Crossing, Trial, run_trial
-from haptic_accel.core.two_hosts import CATCH_UP, ArmEndpoint
+from haptic_accel.kits.link.endpoint import Motion, State
+from haptic_accel.kits.link.two_hosts import CATCH_UP, ArmEndpoint
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.setup import Setup
 from nightly import rest_slow

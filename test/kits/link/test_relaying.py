@@ -9,9 +9,15 @@ import os
 
 import pytest
 
-from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.network import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.relaying import CHANGED, RelayArguments, changed, open_relay, serve_relay
+from haptic_accel.kits.link.relaying import (
+    CHANGED,
+    RelayArguments,
+    changed,
+    open_relay,
+    serve_relay,
+)
 
 
 def served(*lines: str) -> list[str]:
@@ -20,7 +26,7 @@ def served(*lines: str) -> list[str]:
     os.write(writing, "".join(f"{line}\n" for line in lines).encode())
     os.close(writing)
     said: list[str] = []
-    arguments = RelayArguments("127.0.0.1:7296", "127.0.0.1:7298", delay=0.05)
+    arguments = RelayArguments(0.05, master="127.0.0.1:7296", slave="127.0.0.1:7298")
     serve_relay(open_relay(arguments), said.append, lambda: len(said) > len(lines), reading)
     os.close(reading)
     return said

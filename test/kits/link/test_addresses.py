@@ -7,36 +7,8 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import ARMS
-from haptic_accel.links import (
-    TRANSPORTS,
-    LinkNodeParameters,
-    bound,
-    host_and_port,
-    route,
-)
-
-
-@pytest.mark.parametrize(
-    ("peer", "expected"),
-    [
-        ("robot", ("robot", 0)),
-        ("10.0.0.2:9000", ("10.0.0.2", 9000)),
-        ("robot.lab:1", ("robot.lab", 1)),
-        ("fd00::2", ("fd00::2", 0)),
-        ("[fd00::2]:7447", ("fd00::2", 7447)),
-    ],
-)
-def test_a_peer_is_a_host_with_or_without_a_port(peer: str, expected: tuple[str, int]) -> None:
-    assert host_and_port(peer) == expected
-
-
-WRONG = [":7", "robot:", "robot:0", "robot:65535", "a b", "robot:x", "a/b", "[]:1"]
-
-
-@pytest.mark.parametrize("peer", WRONG)
-def test_another_form_is_refused_in_one_line(peer: str) -> None:
-    with pytest.raises(ParameterError, match=r"^peer = .*: must be HOST or HOST:PORT"):
-        LinkNodeParameters(peer=peer, keys="k")
+from haptic_accel.kits.link.addresses import bound, route
+from haptic_accel.setup.node_parameters import TRANSPORTS
 
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
@@ -84,16 +56,3 @@ def test_a_port_that_is_taken_is_named_in_one_line(address: str) -> None:
 def test_a_peer_of_ipv6_is_reached_from_an_address_of_ipv6(side: str) -> None:
     found = route("[::1]:7000", side, "udp", "")
     assert (found.own, found.peer) == ("::1", "::1")
-
-
-@pytest.mark.parametrize("peer", ["10.0.0.2", "robot.lab", "fd00::2", "192.168.0.1:7300"])
-def test_another_host_needs_a_key_unless_it_is_said_to_be_insecure(peer: str) -> None:
-    with pytest.raises(ParameterError, match=r"^keys = '': must be the folder of this host's k"):
-        LinkNodeParameters(peer=peer)
-    LinkNodeParameters(peer=peer, insecure=True)
-    LinkNodeParameters(peer=peer, keys="keys")
-
-
-@pytest.mark.parametrize("peer", ["127.0.0.1", "127.9.9.9:7300", "localhost", "::1"])
-def test_this_machine_needs_none(peer: str) -> None:
-    LinkNodeParameters(peer=peer)

@@ -1,22 +1,34 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated network between two hosts: delay, jitter, loss and blackouts from a seed."""
+"""Network between two hosts: simulated by a seed, and what its kit provides.
+
+The kit of two hosts declares the loops of a lockstep trial and the sides of a graph by entry
+points.
+"""
 
 from __future__ import annotations
 
 import heapq
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from ipaddress import ip_address
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
+from haptic_accel.core.axes import Axes
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.outside import OutsideError, declared, load
 from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.tick import HostLoop
 
 T = TypeVar("T")
+
+TWO_HOSTS_GROUP = "haptic_accel.two_hosts"
+"""Group of entry points for what the kit of two hosts provides."""
 
 
 @dataclass(frozen=True)
@@ -92,3 +104,59 @@ class Channel(Generic[T]):
         while self.travelling and self.travelling[0][0] <= now:
             found.append(heapq.heappop(self.travelling)[2])
         return found
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Signals of a network between the arms, at the sampling times of a trial.
+
+    Attributes
+    ----------
+    played : ndarray, shape (n,)
+        Tool's acceleration received by the compensator, m/s^2; 0 while waiting.
+    age : ndarray, shape (n,)
+        Age of this acceleration, s; NaN while waiting.
+    kinds : tuple of str
+        Kind of each played sample: waiting, true, repaired or concealed.
+    energy : ndarray, shape (n, 2)
+        Energy in the tanks of master and slave, J.
+    """
+
+    played: FloatArray
+    age: FloatArray
+    kinds: tuple[str, ...]
+    energy: FloatArray
+
+
+class NetworkedLoops(Protocol):
+    """Loops of both hosts in lockstep, with a simulated network between them."""
+
+    loops: Mapping[str, HostLoop]
+
+    def step(self, number: int) -> None:
+        """Process a tick on both hosts."""
+
+    def crossing(self, tool: FloatArray, axes: Axes) -> tuple[Crossing, FloatArray]:
+        """Return the network's signals, and the tool's acceleration at the played times."""
+
+
+def provided(name: str) -> Any:
+    """Return what the kit of two hosts provides by an entry point.
+
+    Raises
+    ------
+    OutsideError
+        The kit is not installed, or cannot be loaded.
+    """
+    entry = declared(TWO_HOSTS_GROUP).get(name)
+    if entry is None:
+        raise OutsideError("network between the arms: needs the kit link, which is not installed")
+    return load(entry, lambda _: "")
+
+
+def is_loopback(host: str) -> bool:
+    """Return true if a host, by its address or name, is reached from this machine only."""
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.axes import ACTUATOR_AXIS, ALL_AXES, along_actuator
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.network.channel import Channel, ChannelParameters
-from haptic_accel.core.network.playout import DECAY, LOWERING, MISSED, STEPS, Played, Playout
+from haptic_accel.core.network import Channel, ChannelParameters
+from haptic_accel.kits.link.playout import DECAY, LOWERING, MISSED, STEPS, Played, Playout
 from nightly import rest_slow
 
 RATE = 1000.0

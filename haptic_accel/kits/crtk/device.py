@@ -10,13 +10,14 @@ from dataclasses import dataclass
 from time import monotonic, sleep
 from typing import TYPE_CHECKING
 
-from haptic_accel.core.crtk import ENABLE, ENABLED
-from haptic_accel.core.model import ZERO, Force
-from haptic_accel.core.parameters import Checked, ParameterError, like, parameter, warn_once
-from haptic_accel.devices.interface import Device, DeviceError, Sample
+from haptic_accel import Checked, ParameterError, parameter
+from haptic_accel.core import ENABLE, ENABLED, ZERO, Force
+from haptic_accel.core.parameters import like, warn_once
+from haptic_accel.devices import CombinedTool, Device, DeviceError, Sample, combined
+from haptic_accel.devices.serial import SerialMaster, SerialSlave
 
 if TYPE_CHECKING:
-    from haptic_accel.devices.crtk.client import ArmClient
+    from haptic_accel.kits.crtk.client import ArmClient
 
 POLL_PERIOD = 2e-3
 """Period of polling for the first position, s."""
@@ -100,7 +101,7 @@ class CrtkArm(Device):
             ROS 2 is not installed, or the arm sends no position.
         """
         try:
-            from haptic_accel.devices.crtk.client import ArmClient
+            from haptic_accel.kits.crtk.client import ArmClient
         except ModuleNotFoundError as error:
             raise DeviceError(f"crtk: {error.name} is not installed") from None
         client = self._client = ArmClient(self._p.arm, self._p.force, self._rate)
@@ -204,3 +205,12 @@ class CrtkSlave(CrtkArm):
     """Arm of the slave."""
 
     Parameters = CrtkSlaveParameters
+
+
+WithBoard = combined({"crtk": CrtkMaster, "serial": SerialMaster}, "crtk", "serial")
+"""Arm of the master with a board in its handle."""
+
+ToolWithBoard = combined(
+    {"crtk": CrtkSlave, "serial": SerialSlave}, "crtk", "serial", CombinedTool
+)
+"""Arm of the slave with a board at its tool."""

@@ -12,10 +12,10 @@ from itertools import pairwise
 
 import pytest
 
-from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.network import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.relaying import Relay
-from haptic_accel.links import Route
+from haptic_accel.kits.link.addresses import Route
+from haptic_accel.kits.link.relaying import Relay
 
 HOST = "127.0.0.1"
 

@@ -11,9 +11,9 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from haptic_accel.core.axes import ACTUATOR_AXES, Axes
-from haptic_accel.core.model import Vector
-from haptic_accel.core.tick.loss_concealment import LossConcealment
+from haptic_accel import Axes, Vector
+from haptic_accel.core import ACTUATOR_AXES
+from haptic_accel.core.tick import LossConcealment
 
 WAITING, TRUE, REPAIRED, CONCEALED = KINDS = ("waiting", "true", "repaired", "concealed")
 PLAYED_KINDS = KINDS[1:]

@@ -15,12 +15,12 @@ from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes, along_actuator
 from haptic_accel.core.coupling.engagement import FREE_TIME, STEP_PERIOD
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import ZERO, Sample, Vector
-from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.core.network.playout import TRUE, WAITING
+from haptic_accel.core.network import ChannelParameters
 from haptic_accel.core.sampling import LATENCY, RELEASED
 from haptic_accel.core.simulated_rig import rig_side
 from haptic_accel.core.tick import ARM, MASTER, SLAVE
-from haptic_accel.core.two_hosts import TwoHosts
+from haptic_accel.kits.link.playout import TRUE, WAITING
+from haptic_accel.kits.link.two_hosts import TwoHosts
 
 RATE = 1000.0
 DELAY = 0.01

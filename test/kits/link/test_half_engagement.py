@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core import two_hosts
 from haptic_accel.core.coupling.engagement import (
     FREE_TIME,
     LATCHED_SETTLING,
@@ -21,9 +20,10 @@ from haptic_accel.core.coupling.engagement import (
     EngagementParameters,
 )
 from haptic_accel.core.coupling.passive import PassiveParameters
-from haptic_accel.core.network.channel import Channel, ChannelParameters
-from haptic_accel.core.network.endpoint import UNHEARD
+from haptic_accel.core.network import Channel, ChannelParameters
 from haptic_accel.core.tick import ArmSample
+from haptic_accel.kits.link import two_hosts
+from haptic_accel.kits.link.endpoint import UNHEARD
 
 RATE = 1000.0
 TIMEOUT = 0.1

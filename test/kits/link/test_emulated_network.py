@@ -74,3 +74,7 @@ def test_ports_of_both_sides_must_not_overlap() -> None:
     same = f"port {int(port) + 1}/udp of {host}: address already in use"
     words = (f"master:={host}:{port}", f"slave:={host}:{int(port) + 1}")
     assert same in refusal(*EMULATE, *words)
+
+
+def test_a_wrong_network_is_refused_in_one_line() -> None:
+    assert "delay = -1.0: must be from 0 to 10 s" in refusal(*EMULATE, "delay:=-1")

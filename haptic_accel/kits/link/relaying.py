@@ -8,21 +8,21 @@ from __future__ import annotations
 import math
 import os
 import select
-import signal
 import socket
 import sys
 import time
 from collections.abc import Callable, Iterable
 from contextlib import closing, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from haptic_accel.core.network.channel import Channel, ChannelParameters
-from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
-from haptic_accel.core.process import ENDING, WRONG_ARGUMENTS
-from haptic_accel.graph.stop_signal import hurry
-from haptic_accel.links import UDP, Route, bound, route
-from haptic_accel.setup.words import assigned_keys, parse_assignments
+from haptic_accel import ChannelParameters, ParameterError, parameter
+from haptic_accel.commands import print_line, stop_on_signal
+from haptic_accel.core import Channel
+from haptic_accel.core.process import WRONG_ARGUMENTS
+from haptic_accel.graph import hurry
+from haptic_accel.kits.link.addresses import Route, bound, route
+from haptic_accel.setup import UDP, assigned_keys, parse_assignments
 
 RISE = 1.0
 """Rate at which the delay increases, s/s. A sudden increase would be a silence of the same length,
@@ -145,7 +145,7 @@ PORTS = 7200, 7210
 
 
 @dataclass(frozen=True)
-class RelayArguments(Checked):
+class RelayArguments(ChannelParameters):
     """Arguments of a relay."""
 
     master: str = parameter(
@@ -155,16 +155,7 @@ class RelayArguments(Checked):
     slave: str = parameter(
         f"127.0.0.1:{PORTS[1]}", "host of the slave, likewise; with another port on one machine"
     )
-    delay: float = like(ChannelParameters, "delay")
-    jitter: float = like(ChannelParameters, "jitter")
-    loss: float = like(ChannelParameters, "loss")
-    duplication: float = like(ChannelParameters, "duplication")
     seed: int = parameter(0, "seed of jitter and loss", "", 0, 2**31 - 1)
-
-    @property
-    def network(self) -> ChannelParameters:
-        """Behaviour of each direction."""
-        return ChannelParameters(self.delay, self.jitter, self.loss, self.duplication)
 
 
 def assignments_of(network: ChannelParameters) -> list[str]:
@@ -175,7 +166,7 @@ def assignments_of(network: ChannelParameters) -> list[str]:
     >>> assignments_of(ChannelParameters(delay=0.05, loss=0.02))
     ['delay:=0.05', 'jitter:=0.0', 'loss:=0.02', 'duplication:=0.0']
     """
-    return [f"{name}:={value!r}" for name, value in vars(network).items()]
+    return [f"{each.name}:={getattr(network, each.name)!r}" for each in fields(ChannelParameters)]
 
 
 def changed(network: ChannelParameters, assignments: Iterable[str]) -> ChannelParameters:
@@ -208,7 +199,7 @@ def open_relay(arguments: RelayArguments) -> Relay:
     """
     # For the master, the relay is the slave, and vice versa.
     routes = (route(arguments.master, "slave", UDP, ""), route(arguments.slave, "master", UDP, ""))
-    return Relay(routes, arguments.network, arguments.seed)
+    return Relay(routes, arguments, arguments.seed)
 
 
 def serve_relay(
@@ -266,19 +257,14 @@ def _stated(network: ChannelParameters) -> str:
 
 def main() -> None:
     """Relay until a signal, or until the process at the other end of standard input ends."""
-    numbers: list[int] = []
-    for number in ENDING:
-        signal.signal(number, lambda number, _: numbers.append(number))
     parent = os.getppid()
     try:
-        relay = open_relay(parse_assignments(sys.argv[1:], RelayArguments))
-        hurry(RELAY_PRIORITY)
-        serve_relay(
-            relay,
-            lambda line: print(line, flush=True),
-            lambda: bool(numbers) or os.getppid() != parent,
-            sys.stdin.fileno(),
-        )
+        with stop_on_signal() as stopped:
+            relay = open_relay(parse_assignments(sys.argv[1:], RelayArguments))
+            hurry(RELAY_PRIORITY)
+            serve_relay(
+                relay, print_line, lambda: stopped() or os.getppid() != parent, sys.stdin.fileno()
+            )
     except (ParameterError, OSError) as error:
         print(error, file=sys.stderr)
         sys.exit(WRONG_ARGUMENTS)

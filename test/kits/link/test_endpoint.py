@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.axes import ALL_AXES, along_actuator
 from haptic_accel.core.model import ZERO
-from haptic_accel.core.network.channel import Channel, ChannelParameters
-from haptic_accel.core.network.endpoint import (
+from haptic_accel.core.network import Channel, ChannelParameters
+from haptic_accel.kits.link.endpoint import (
     DUPLICATE_WINDOW,
     LARGEST_JUMP,
     LIFETIME,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from haptic_accel.core.network.channel import Channel, ChannelParameters
+from haptic_accel.core.network import Channel, ChannelParameters, is_loopback
 
 COUNT, PERIOD = 4000, 1e-3
 
@@ -66,3 +66,18 @@ def test_a_channel_says_when_to_look_again() -> None:
     assert (len(channel.travelling), channel.next_arrival) == (4, pytest.approx(1.02))
     channel.arrived(now=1.025)
     assert (len(channel.travelling), channel.next_arrival) == (2, pytest.approx(1.03))
+
+
+@pytest.mark.parametrize(
+    ("host", "loopback"),
+    [
+        ("127.0.0.1", True),
+        ("::1", True),
+        ("LocalHost", True),
+        ("robot.lab", False),
+        ("0.0.0.0", False),
+        ("", False),
+    ],
+)
+def test_loopback(host: str, loopback: bool) -> None:
+    assert is_loopback(host) is loopback

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 
 from fuzzing import fuzz
 from haptic_accel.core.axes import ALL_AXES, NAMES, Axes
-from haptic_accel.core.network.endpoint import (
+from haptic_accel.core.topics import ARMS
+from haptic_accel.kits.link.endpoint import (
     LARGEST_SAMPLE,
     MOST_SAMPLES,
     VERSION,
     Packet,
     unpack,
 )
-from haptic_accel.core.topics import ARMS
 
 WORD = st.integers(-(2**63), 2**63 - 1)
 SESSION = st.integers(1, 2**64 - 1)

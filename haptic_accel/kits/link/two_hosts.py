@@ -16,19 +16,29 @@ from dataclasses import replace
 
 import numpy as np
 
-from haptic_accel.core import tick
-from haptic_accel.core.actuator import MANUAL
-from haptic_accel.core.axes import ACTUATOR_AXES, Axes
-from haptic_accel.core.coupling import engagement, passive
-from haptic_accel.core.coupling.engagement import Decision, EngagementParameters
-from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.network.channel import Channel, ChannelParameters
-from haptic_accel.core.network.endpoint import Endpoint, Motion, Packet, State
-from haptic_accel.core.network.playout import WAITING, Played
+from haptic_accel import Axes, ChannelParameters, FloatArray, PassiveParameters, Vector
+from haptic_accel.core import (
+    ACTUATOR_AXES,
+    MANUAL,
+    NONSENSE,
+    STOPPED,
+    ZERO,
+    Channel,
+    Crossing,
+    Decision,
+    Engagement,
+    EngagementParameters,
+    PassiveHalf,
+    of_slave,
+    scaled,
+    tick,
+)
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ARMS
+from haptic_accel.kits.link.endpoint import Endpoint, Motion, Packet, State
+from haptic_accel.kits.link.playout import WAITING, Played
 
-STOPPED_THERE = f"{engagement.STOPPED} at the peer"
+STOPPED_THERE = f"{STOPPED} at the peer"
 """Reason for a free arm while the peer is stopped and this host is not."""
 
 SILENT = "waiting for the peer's packets"
@@ -51,7 +61,7 @@ LOST = "the peer was lost: engage again by coupler/engage"
 """Reason for a free arm that engages again only on request after the loss of the peer."""
 
 
-class HalfEngagement(engagement.Engagement):
+class HalfEngagement(Engagement):
     """State machine of one arm that is coupled to a peer's arm: free or engaged.
 
     An arm is ready when its own conditions hold. It engages when the peer is ready or engaged. It
@@ -80,7 +90,7 @@ class HalfEngagement(engagement.Engagement):
         Reason why received packets are unusable; empty if none are received. Set by the caller.
     """
 
-    def __init__(self, parameters: engagement.EngagementParameters, now: float, arm: str) -> None:
+    def __init__(self, parameters: EngagementParameters, now: float, arm: str) -> None:
         super().__init__(parameters, now, (arm,))
         self.count = 0
         self.resumes = False
@@ -113,7 +123,7 @@ class HalfEngagement(engagement.Engagement):
         """Return the reason that prevents engagement, or ends it; empty if there is none."""
         return super().missing(now, listeners) or self._missing_there(now)
 
-    def decide(self, now: float, listeners: int) -> engagement.Decision:
+    def decide(self, now: float, listeners: int) -> Decision:
         """Return the actions that are due; see `missing` for the arguments."""
         lost = self._lost(now)
         by_network = not super().missing(now, listeners) and self._resumable_after(now)
@@ -217,7 +227,7 @@ class ArmEndpoint:
     def __init__(
         self,
         side: str,
-        parameters: passive.PassiveParameters,
+        parameters: PassiveParameters,
         rate: float,
         latency: int,
         session: int,
@@ -225,8 +235,8 @@ class ArmEndpoint:
     ) -> None:
         leads = side == ARMS[1]
         self._scale = parameters.scale if leads else 1.0
-        own = passive.of_slave(parameters) if leads else parameters
-        self.half = passive.PassiveHalf(own, rate, latency, leads=leads)
+        own = of_slave(parameters) if leads else parameters
+        self.half = PassiveHalf(own, rate, latency, leads=leads)
         self.endpoint = Endpoint(side, rate, session, axes)
         self._origin = ZERO
         self._approach = CATCH_UP / rate  # m in a sample
@@ -289,29 +299,29 @@ class ArmEndpoint:
         if self._ahead is not None and self._ahead != ZERO and self.half.share < 1.0:
             # Keep the set-point where the energy suffices, so that the force does not jump when
             # more arrives.
-            d_x, d_y, d_z = passive.scaled(own, 1.0 - self.half.share, self._goal)
+            d_x, d_y, d_z = scaled(own, 1.0 - self.half.share, self._goal)
             a_x, a_y, a_z = self._ahead
             self._ahead = a_x + d_x, a_y + d_y, a_z + d_z
-        return passive.scaled(force, self._scale)
+        return scaled(force, self._scale)
 
     def _follow(self) -> tuple[Vector, Vector]:
         """Return set-point, m, and its velocity, m/s, which approaches the peer's position."""
         peer = self.endpoint.peer
-        if not (peer and peer.engaged and math.hypot(*peer.position) < passive.NONSENSE):
+        if not (peer and peer.engaged and math.hypot(*peer.position) < NONSENSE):
             return self._goal, ZERO
         x, y, z = peer.position
         if self._ahead is None:
-            self._ahead = passive.scaled(self._goal, 1.0, peer.position)
+            self._ahead = scaled(self._goal, 1.0, peer.position)
         elif gap := math.hypot(*self._ahead):
             step = self.half.supply * self._approach
-            self._ahead = passive.scaled(self._ahead, max(0.0, 1.0 - step / gap))
+            self._ahead = scaled(self._ahead, max(0.0, 1.0 - step / gap))
         d_x, d_y, d_z = self._ahead
         self._goal = x + d_x, y + d_y, z + d_z
         return self._goal, peer.velocity
 
     def _own(self, vector: Vector, origin: Vector = ZERO) -> Vector:
         """Return a vector relative to an origin in the master's scale."""
-        return passive.scaled(vector, 1.0 / self._scale, origin)
+        return scaled(vector, 1.0 / self._scale, origin)
 
 
 class HalfCouplingPart(tick.ArmCoupling):
@@ -420,6 +430,10 @@ ROUNDING = 1e-9
 """Time by which a packet may arrive early, s, as sums of times are not exact."""
 
 
+PlayedSample = tuple[Played, float, tuple[float, float]]
+"""Sample played at the master, its time in samples, and the energy in both tanks, J."""
+
+
 class TwoHosts:
     """Loops of both hosts, and their packets over a simulated network.
 
@@ -449,11 +463,13 @@ class TwoHosts:
     couplings : dict of HalfCouplingPart
     channels : list of Channel
         Channels from the master, and from the slave.
+    record : list of PlayedSample
+        Sample played at the master in each tick.
     """
 
     def __init__(
         self,
-        parameters: passive.PassiveParameters,
+        parameters: PassiveParameters,
         network: ChannelParameters,
         sides: Mapping[str, tick.DeviceSide],
         compensation: tick.CompensationPart | None = None,
@@ -466,6 +482,7 @@ class TwoHosts:
         self._rate = sides[tick.MASTER].rate
         self._first = round(BEGIN * self._rate)
         self._sessions = itertools.count(1)
+        self.record: list[PlayedSample] = []
         self.couplings: dict[str, HalfCouplingPart] = {}
         self.loops: dict[str, tick.HostLoop] = {}
         for arm in ARMS:
@@ -474,17 +491,6 @@ class TwoHosts:
             Channel[bytes](network, number, blackouts)
             for number in np.random.SeedSequence(seed).generate_state(2).tolist()
         ]
-
-    @property
-    def position(self) -> float:
-        """Time of the played sample, in samples since the first; NaN while waiting."""
-        return self.couplings[tick.MASTER].end.endpoint.playout.position - self._first
-
-    @property
-    def energy(self) -> tuple[float, float]:
-        """Energy in the tanks of master and slave, J."""
-        master, slave = (half.end.half.energy for half in self.couplings.values())
-        return master, slave
 
     def restart(self, arm: str, now: float) -> None:
         """Start or restart the host of an arm at a time in s."""
@@ -497,9 +503,9 @@ class TwoHosts:
         compensation = self._compensation if arm == tick.MASTER else None
         self.loops[arm] = tick.HostLoop({arm: side}, half, compensation)
 
-    def step(self, tick: int) -> None:
+    def step(self, number: int) -> None:
         """Process a tick on both hosts."""
-        time = tick / self._rate
+        time = number / self._rate
         system = BEGIN * NANOSECONDS + round(time * NANOSECONDS)
         for half, channel in zip(self.couplings.values(), reversed(self.channels), strict=True):
             half.receive(channel.arrived(time + ROUNDING), time, system)
@@ -507,7 +513,33 @@ class TwoHosts:
             # A device stops together with its coupler.
             stopped = self.couplings[arm].engagement.stop.stopped
             self.couplings[arm].engagement.arm_stopped(arm, stopped)
-            loop.step(tick)
+            loop.step(number)
         for half, channel in zip(self.couplings.values(), self.channels, strict=True):
             if packet := half.packet(time, system):
                 channel.send(packet, time)
+        master, slave = self.couplings.values()
+        # NaN while waiting.
+        position = master.end.endpoint.playout.position - self._first
+        energy = master.end.half.energy, slave.end.half.energy
+        self.record.append((master.played, position, energy))
+
+    def crossing(self, tool: FloatArray, axes: Axes) -> tuple[Crossing, FloatArray]:
+        """Return the network's signals, and the tool's acceleration at the played times.
+
+        Parameters
+        ----------
+        tool : ndarray, shape (n,) or (n, axes)
+            Acceleration measured by the tool in each tick, m/s^2.
+        axes : Axes
+            Axes of the handle.
+        """
+        samples, positions, energies = zip(*self.record, strict=True)
+        ticks, count = np.array(positions), np.arange(len(tool))
+        played = axes.signals(np.array([each.value for each in samples]))
+        kinds = tuple(each.kind for each in samples)
+        followed = np.apply_along_axis(
+            lambda component: np.interp(np.nan_to_num(ticks), count, component), 0, tool
+        )
+        # While waiting, the played and the desired acceleration are zero.
+        desired = np.where(np.isnan(ticks), played.T, followed.T).T
+        return Crossing(played, (count - ticks) / self._rate, kinds, np.array(energies)), desired
