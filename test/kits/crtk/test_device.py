@@ -233,6 +233,7 @@ def test_an_arm_is_read_and_pushed_by_an_rclpy_with_other_private_names(
     assert reader.lines[-1] == "moved False"
 
 
+@pytest.mark.smoke
 @pytest.mark.parametrize("words", ["slave:=crtk", "master:=crtk"])
 def test_each_node_has_its_process_as_crtk_promises_no_watchdog(words: str) -> None:
     arguments = parse_arguments([*words.split(), "composed:=true"])
