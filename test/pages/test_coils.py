@@ -111,8 +111,10 @@ def test_nothing_waits_for_an_output_that_does_not_run_yet(page: Page) -> None:
     )
     page.locator("#sound-on").click()
     wait_until(lambda: page.evaluate("moments.length > 60"), "it plays")
-    # Frames come 60 times a second; the context's time stands still until its device runs.
-    assert max([len(list(group)) for _, group in groupby(page.evaluate("moments"))]) < 6
+    # Frames come 60 times a second; the context's time stands still until its device runs. Later,
+    # a busy machine delivers several frames at once.
+    _, first = next(groupby(page.evaluate("moments")))
+    assert len(list(first)) < 6
 
 
 PREDICT = """() => {
