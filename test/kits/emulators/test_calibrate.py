@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-import time
+import itertools
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from functools import partial
@@ -24,10 +24,13 @@ from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
 from haptic_accel.kits.emulators.ports import run
 from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
 from haptic_accel.setup.files import read_parameter_file
-from running import on_thread
+from running import on_thread, wait_until
 from verbs import output_of, refusal
 
 CALIBRATE, WORDS = ("calibrate", "port:=port"), ("seconds:=0.2", "file:=found.yaml")
+
+PORT_SAMPLES = 300
+"""Samples of one axis that a terminal of 4096 bytes holds at most: 14 bytes each."""
 
 
 class Turned:
@@ -46,15 +49,26 @@ class Turned:
 
     def hold(self, gravity: float) -> None:
         """Hold it still: 5 % too sensitive, and 0.5 m/s^2 off."""
-        self.felt = lambda time: along_actuator(1.05 * gravity + 0.5)
-        time.sleep(0.05)  # samples of before have arrived
+        self._feel(along_actuator(1.05 * gravity + 0.5))
 
     def hold_tool(self, name: str) -> None:
         """Hold a tool still, on which the sensor is turned by a quarter about z."""
         x, y, z = POSES[name]
         felt = [1.05 * GRAVITY * each + 0.5 for each in (-y, x, z)]
-        self.felt = lambda time: vector(np.array(felt))
-        time.sleep(0.05)
+        self._feel(vector(np.array(felt)))
+
+    def _feel(self, acceleration: Vector) -> None:
+        """Measure an acceleration until further notice, m/s^2."""
+        sampled = itertools.count()
+
+        def felt(time: float) -> Vector:
+            self.newest = next(sampled)
+            return acceleration
+
+        self.newest = 0
+        self.felt = felt
+        # The port holds fewer samples than these: all of before have been read.
+        wait_until(lambda: self.newest > PORT_SAMPLES, "samples of before have arrived")
 
 
 @pytest.fixture
