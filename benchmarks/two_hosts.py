@@ -32,10 +32,9 @@ from haptic_accel import Bag, ChannelParameters, GraphArguments, ParameterError,
 from haptic_accel.analysis.loading import analyse
 from haptic_accel.bags.delivery import count
 from haptic_accel.commands import DONE, FAILED, Verb, json_option, run, save, words
-from haptic_accel.core import topics
+from haptic_accel.core import TRANSPORTS, topics
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.kits.link.keys import FOLDERS
-from haptic_accel.setup import TRANSPORTS
 from haptic_accel.setup.arguments import parse_arguments
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "support"))

@@ -19,7 +19,7 @@ ROOTS = "roots"
 
 BUDGETS = {
     ROOTS: 89,
-    "core": 13_666,
+    "core": 13_679,
     "analysis": 4_030,
     "nodes": 3_900,
     "kits/study": 3_854,
@@ -27,16 +27,16 @@ BUDGETS = {
     "cli": 2_975,
     "bags": 2_703,
     "scope": 1_350,
-    "setup": 1_606,
+    "setup": 1_589,
     "materials": 1_350,
     "kits/emulators": 1_083,
     "graph": 897,
     "kits/export": 909,
-    "kits/link": 2_028,
+    "kits/link": 2_030,
     "kits/textures": 1_021,
     "kits/bringup": 987,
     "kits/lerobot": 367,
-    "kits/crtk": 270,
+    "kits/crtk": 272,
     "pages": 39,
 }
 """Most lines of code of each folder and kit. Lower a budget with its code; raise it only in a

@@ -6,8 +6,6 @@ from haptic_accel.core.actuator import (MANUAL as MANUAL, ActuatorParameters as 
     SafetyParameters as SafetyParameters)
 from haptic_accel.core.axes import (ACTUATOR_AXES as ACTUATOR_AXES, ALL_AXES as ALL_AXES,
     NAMES as NAMES, Orientation as Orientation, REDUCTIONS as REDUCTIONS, VIBRATION as VIBRATION)
-from haptic_accel.core.cdr import (StampedVector as StampedVector,
-    unpack_orientation as unpack_orientation, unpack_stamped_vector as unpack_stamped_vector)
 from haptic_accel.core.crtk import (CRTK_MESSAGES as CRTK_MESSAGES, ENABLE as ENABLE,
     ENABLED as ENABLED)
 from haptic_accel.core.files import (located as located, opened as opened, read_xml as read_xml,
@@ -23,8 +21,8 @@ from haptic_accel.core.coupling.passive import (NONSENSE as NONSENSE, PassiveHal
     of_slave as of_slave, scaled as scaled)
 from haptic_accel.core.model import (ACTUATOR as ACTUATOR, Force as Force, GRAVITY as GRAVITY,
     ZERO as ZERO, vector as vector)
-from haptic_accel.core.network import (Channel as Channel, Crossing as Crossing,
-    is_loopback as is_loopback)
+from haptic_accel.core.network import (TRANSPORTS as TRANSPORTS, UDP as UDP, Channel as Channel,
+    Crossing as Crossing, host_and_port as host_and_port, is_loopback as is_loopback)
 from haptic_accel.core.simulated_rig import (RigParameters as RigParameters,
     build_loop as build_loop)
 from haptic_accel.core.surfaces.texture import (autocovariance as autocovariance,

@@ -22,7 +22,7 @@ import numpy as np
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.outside import OutsideError, declared, load
-from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.parameters import Checked, ParameterError, parameter, shown
 from haptic_accel.core.tick import HostLoop
 
 T = TypeVar("T")
@@ -152,6 +152,41 @@ def provided(name: str) -> Any:
     if entry is None:
         raise OutsideError("network between the arms: needs the kit link, which is not installed")
     return load(entry, lambda _: "")
+
+
+HIGHEST_PORT = 65535
+"""Maximum UDP port."""
+
+UDP, ZENOH = TRANSPORTS = ("udp", "zenoh")
+"""Transports of datagrams between hosts."""
+
+
+def host_and_port(peer: str) -> tuple[str, int]:
+    """Return host and port of a peer; port 0 if none is specified.
+
+    Parameters
+    ----------
+    peer : str
+        HOST, HOST:PORT, or for an IPv6 address [HOST]:PORT.
+
+    Raises
+    ------
+    ParameterError
+        The peer has another form.
+    """
+    host, colon, port = peer.rpartition(":")
+    if not colon or (":" in host and not host.endswith("]")):
+        host, colon, port = peer, "", "0"
+    number = int(port) if port.isascii() and port.isdigit() else -1
+    host = host.removeprefix("[").removesuffix("]")
+    allowed = host and host.isascii() and host.isprintable() and not set(host) & set(" /[]?#,;")
+    # The highest port is not allowed, because the slave uses the next port.
+    if not allowed or number not in range(HIGHEST_PORT) or (colon and not number):
+        raise ParameterError(
+            f"peer = {shown(repr(peer))}: must be HOST or HOST:PORT, with a port from 1 to"
+            f" {HIGHEST_PORT - 1}"
+        )
+    return host, number
 
 
 def is_loopback(host: str) -> bool:

@@ -8,11 +8,9 @@ from haptic_accel.setup.files import (EVERY_NODE as EVERY_NODE, note_step as not
     noted_steps as noted_steps, parameter_paths as parameter_paths,
     parameter_text as parameter_text, read_parameter_file as read_parameter_file,
     teleop_command as teleop_command, update_parameter_file as update_parameter_file)
-from haptic_accel.setup.node_parameters import (SAFETY as SAFETY, TRANSPORTS as TRANSPORTS,
-    UDP as UDP,
+from haptic_accel.setup.node_parameters import (SAFETY as SAFETY,
     LinkNodeParameters as LinkNodeParameters, build_device as build_device,
-    build_parameters as build_parameters, check_peer as check_peer,
-    host_and_port as host_and_port, node_schema as node_schema)
+    build_parameters as build_parameters, check_peer as check_peer, node_schema as node_schema)
 from haptic_accel.setup.processes import graph as graph
 from haptic_accel.setup.setup import (RECORDER as RECORDER, Parameters as Parameters,
     known_arguments as known_arguments)

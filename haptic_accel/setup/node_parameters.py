@@ -23,7 +23,7 @@ from haptic_accel.core.crtk import PositionServoParameters
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR, AccelerometerParameters
-from haptic_accel.core.network import is_loopback
+from haptic_accel.core.network import TRANSPORTS, UDP, host_and_port, is_loopback
 from haptic_accel.core.parameters import (
     Checked,
     ParameterError,
@@ -216,41 +216,6 @@ class ScopeNodeParameters(Checked):
     port: int = parameter(8642, "port of the scope's page; 0 for any free one", low=0, high=65535)
     control: bool = parameter(False, "let the scope's page control the graph, not only show it")
     side: str = like(CouplerNodeParameters, "side")
-
-
-HIGHEST_PORT = 65535
-"""Maximum UDP port."""
-
-UDP, ZENOH = TRANSPORTS = ("udp", "zenoh")
-"""Transports of datagrams between hosts."""
-
-
-def host_and_port(peer: str) -> tuple[str, int]:
-    """Return host and port of a peer; port 0 if none is specified.
-
-    Parameters
-    ----------
-    peer : str
-        HOST, HOST:PORT, or for an IPv6 address [HOST]:PORT.
-
-    Raises
-    ------
-    ParameterError
-        The peer has another form.
-    """
-    host, colon, port = peer.rpartition(":")
-    if not colon or (":" in host and not host.endswith("]")):
-        host, colon, port = peer, "", "0"
-    number = int(port) if port.isascii() and port.isdigit() else -1
-    host = host.removeprefix("[").removesuffix("]")
-    allowed = host and host.isascii() and host.isprintable() and not set(host) & set(" /[]?#,;")
-    # The highest port is not allowed, because the slave uses the next port.
-    if not allowed or number not in range(HIGHEST_PORT) or (colon and not number):
-        raise ParameterError(
-            f"peer = {shown(repr(peer))}: must be HOST or HOST:PORT, with a port from 1 to"
-            f" {HIGHEST_PORT - 1}"
-        )
-    return host, number
 
 
 @dataclass(frozen=True)

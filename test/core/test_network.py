@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from haptic_accel.core.network import Channel, ChannelParameters, is_loopback
+from haptic_accel.core.network import Channel, ChannelParameters, host_and_port, is_loopback
 
 COUNT, PERIOD = 4000, 1e-3
 
@@ -81,3 +81,17 @@ def test_a_channel_says_when_to_look_again() -> None:
 )
 def test_loopback(host: str, loopback: bool) -> None:
     assert is_loopback(host) is loopback
+
+
+@pytest.mark.parametrize(
+    ("peer", "expected"),
+    [
+        ("robot", ("robot", 0)),
+        ("10.0.0.2:9000", ("10.0.0.2", 9000)),
+        ("robot.lab:1", ("robot.lab", 1)),
+        ("fd00::2", ("fd00::2", 0)),
+        ("[fd00::2]:7447", ("fd00::2", 7447)),
+    ],
+)
+def test_a_peer_is_a_host_with_or_without_a_port(peer: str, expected: tuple[str, int]) -> None:
+    assert host_and_port(peer) == expected

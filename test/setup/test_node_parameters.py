@@ -14,7 +14,6 @@ from haptic_accel.setup.node_parameters import (
     NODES,
     LinkNodeParameters,
     declared_schema,
-    host_and_port,
 )
 
 OLDER = {"safety.arm.max_age": 0.2, "safety.actuator.max_age": 0.2}
@@ -105,20 +104,6 @@ def test_a_latency_at_which_every_force_is_outdated_is_refused(device: str) -> N
     with pytest.raises(ParameterError, match=r"^latency = 20: 0\.1 s at rate = 200 Hz, must be"):
         build_parameters(device, {"latency": 20, "rate": 200.0})
     build_parameters(device, {"latency": 20, "rate": 200.0} | OLDER)
-
-
-@pytest.mark.parametrize(
-    ("peer", "expected"),
-    [
-        ("robot", ("robot", 0)),
-        ("10.0.0.2:9000", ("10.0.0.2", 9000)),
-        ("robot.lab:1", ("robot.lab", 1)),
-        ("fd00::2", ("fd00::2", 0)),
-        ("[fd00::2]:7447", ("fd00::2", 7447)),
-    ],
-)
-def test_a_peer_is_a_host_with_or_without_a_port(peer: str, expected: tuple[str, int]) -> None:
-    assert host_and_port(peer) == expected
 
 
 WRONG = [":7", "robot:", "robot:0", "robot:65535", "a b", "robot:x", "a/b", "[]:1"]

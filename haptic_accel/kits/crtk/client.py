@@ -20,7 +20,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool
 
-from haptic_accel import Vector, core
+from haptic_accel import Vector
+from haptic_accel.core import CRTK_MESSAGES, ZERO, Orientation
+from haptic_accel.core.cdr import StampedVector, unpack_orientation, unpack_stamped_vector
 from haptic_accel.core.sampling import NANOSECONDS, SequenceCheck, SolePublisher
 from haptic_accel.core.topics import SLAVE
 from haptic_accel.devices import rclpy_internals as internals
@@ -66,10 +68,10 @@ class Signal:
         self._count = internals.publisher_count(subscription)
         self._publisher = SolePublisher(internals.MatchedPublishers(node, subscription).counts)
         self._has_orientation = subscription.msg_type is PoseStamped
-        self._vector, self._seen = core.ZERO, -math.inf
+        self._vector, self._seen = ZERO, -math.inf
         self._sequence = SequenceCheck(rate)
         self.refused, self.refusal, self._refused_at = 0, "", 0.0
-        self.orientation = core.Orientation()
+        self.orientation = Orientation()
 
     @property
     def senders(self) -> int:
@@ -108,13 +110,13 @@ class Signal:
         waited = max(0, now - received) if received else 0  # unknown to some middleware
         now, steady = now - waited, time.monotonic_ns() - waited
         try:
-            stamp, vector = core.unpack_stamped_vector(data)
+            stamp, vector = unpack_stamped_vector(data)
             if not math.isfinite(sum(vector)):
                 raise ValueError("values are not finite")
             if not self._sequence.admits(stamp, now, steady):
                 raise ValueError(self._sequence.refusal)
             if self._has_orientation:
-                self.orientation.put(core.unpack_orientation(data))
+                self.orientation.put(unpack_orientation(data))
         except ValueError as error:
             self.refused, self.refusal = self.refused + 1, str(error)
             self._refused_at = steady / NANOSECONDS
@@ -160,15 +162,15 @@ class ArmClient:
         )
         self._force = self._publisher(WrenchStamped, force, QoSProfile(depth=1))
         self._send_force = internals.bytes_publisher(self._force)
-        self._pack = core.StampedVector(SLAVE.arm_force).pack
+        self._pack = StampedVector(SLAVE.arm_force).pack
         subframe, _, _ = force.strip("/").rpartition("/")
         if subframe:
             self._publisher(Bool, f"{subframe}/{ABSOLUTE}", _LATCHED).publish(Bool(data=True))
         self._states: list[Callable[[], Any]] = []
         self._state: Any = None
         self._commands = None
-        if find_spec(core.CRTK_MESSAGES):
-            self._messages: Any = import_module(f"{core.CRTK_MESSAGES}.msg")
+        if find_spec(CRTK_MESSAGES):
+            self._messages: Any = import_module(f"{CRTK_MESSAGES}.msg")
             self._commands = self._publisher(
                 self._messages.StringStamped, "state_command", QoSProfile(depth=DEPTH)
             )
@@ -209,7 +211,7 @@ class ArmClient:
 
     def close(self) -> None:
         """Send zero force, wait for its receipt, and disconnect."""
-        self.push(core.ZERO)
+        self.push(ZERO)
         self._force.wait_for_all_acked(Duration(seconds=DELIVERY))
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)

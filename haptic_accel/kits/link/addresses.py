@@ -10,9 +10,10 @@ import hashlib
 import os
 import socket
 from dataclasses import dataclass
+from typing import Any
 
 from haptic_accel import ParameterError
-from haptic_accel.setup import host_and_port
+from haptic_accel.core import host_and_port
 
 DATAGRAMS = socket.SOCK_DGRAM
 
@@ -116,12 +117,12 @@ def _addresses(host: str, port: int, *, sort: bool) -> tuple[str, str]:
         kind, _, _, _, there = found[0]
         with socket.socket(kind, DATAGRAMS) as asking:
             asking.connect(there)  # determines the route; sends nothing
-            # With the interface of a link-local address.
-            own, peer = (
-                socket.getnameinfo(each, socket.NI_NUMERICHOST | socket.NI_NUMERICSERV)[0]
-                for each in (asking.getsockname(), there)
-            )
-            return own, peer
+            return _numeric(asking.getsockname()), _numeric(there)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise ConnectionError(f"peer {host}: cannot be reached: {reason}") from None
+
+
+def _numeric(address: Any) -> str:
+    """Return a socket's address, with the interface if link-local."""
+    return socket.getnameinfo(address, socket.NI_NUMERICHOST | socket.NI_NUMERICSERV)[0]

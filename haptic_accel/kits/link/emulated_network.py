@@ -9,11 +9,9 @@ import os
 import sys
 
 from haptic_accel import commands
-from haptic_accel.commands import is_ours
-from haptic_accel.core import is_loopback
+from haptic_accel.core import host_and_port, is_loopback
 from haptic_accel.graph import hurry
 from haptic_accel.kits.link.relaying import RELAY_PRIORITY, RelayArguments, open_relay, serve_relay
-from haptic_accel.setup import host_and_port
 
 
 @commands.verb(
@@ -58,4 +56,4 @@ def _words_source() -> int | None:
         source = sys.stdin.fileno()
     except (AttributeError, OSError):  # standard input is closed, or no file
         return None
-    return None if os.isatty(source) and not is_ours(source) else source
+    return None if os.isatty(source) and not commands.is_ours(source) else source

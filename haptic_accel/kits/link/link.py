@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from haptic_accel import ParameterError, setup
+from haptic_accel.core import UDP
 from haptic_accel.graph import own_domain
 from haptic_accel.kits.link import datagrams
 from haptic_accel.kits.link.addresses import Route, bound, route
@@ -175,7 +176,7 @@ class PeerMonitor:
 
 def described(route: Route, side: str, transport: str) -> str:
     """Return a description of the route: addresses and UDP ports."""
-    if transport == setup.UDP:
+    if transport == UDP:
         return (
             f"{side} at {route.own}, receives on port {route.own_port}/udp, sends to {route.peer}"
             f" port {route.peer_port}/udp"
@@ -282,8 +283,7 @@ def _run(signals: Signals) -> None:
     logging.addLevelName(logging.WARNING, "WARN")
     logging.basicConfig(format=_FORMAT, level=level.upper())
     logging.raiseExceptions = False  # the log may have no reader
-    is_udp = parameters.transport == setup.UDP
-    key = read_key(parameters.keys) if parameters.keys and is_udp else b""
+    key = read_key(parameters.keys) if parameters.keys and parameters.transport == UDP else b""
     way = _way(parameters, namespace, signals)
     if way is None:
         return
@@ -293,7 +293,7 @@ def _run(signals: Signals) -> None:
     monitor = PeerMonitor(f"peer {way.host}", hints, parameters.keys, time.monotonic())
     note = INSECURE if parameters.insecure else ""
     with closing(LocalEnd(datagrams.LINK, own_domain(), namespace)) as local:
-        if is_udp:
+        if parameters.transport == UDP:
             authenticator = Authenticator(key, parameters.side, namespace)
             carrier: Carrier = UdpCarrier(way, authenticator, monitor.refuse)
         else:

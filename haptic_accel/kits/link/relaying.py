@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 import select
+import signal
 import socket
 import sys
 import time
@@ -17,12 +18,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from haptic_accel import ChannelParameters, ParameterError, parameter
-from haptic_accel.commands import print_line, stop_on_signal
-from haptic_accel.core import Channel
-from haptic_accel.core.process import WRONG_ARGUMENTS
+from haptic_accel.core import UDP, Channel
+from haptic_accel.core.process import ENDING, WRONG_ARGUMENTS
 from haptic_accel.graph import hurry
 from haptic_accel.kits.link.addresses import Route, bound, route
-from haptic_accel.setup import UDP, assigned_keys, parse_assignments
+from haptic_accel.setup import assigned_keys, parse_assignments
 
 RISE = 1.0
 """Rate at which the delay increases, s/s. A sudden increase would be a silence of the same length,
@@ -257,14 +257,19 @@ def _stated(network: ChannelParameters) -> str:
 
 def main() -> None:
     """Relay until a signal, or until the process at the other end of standard input ends."""
+    numbers: list[int] = []
+    for number in ENDING:
+        signal.signal(number, lambda number, _: numbers.append(number))
     parent = os.getppid()
     try:
-        with stop_on_signal() as stopped:
-            relay = open_relay(parse_assignments(sys.argv[1:], RelayArguments))
-            hurry(RELAY_PRIORITY)
-            serve_relay(
-                relay, print_line, lambda: stopped() or os.getppid() != parent, sys.stdin.fileno()
-            )
+        relay = open_relay(parse_assignments(sys.argv[1:], RelayArguments))
+        hurry(RELAY_PRIORITY)
+        serve_relay(
+            relay,
+            lambda line: print(line, flush=True),
+            lambda: bool(numbers) or os.getppid() != parent,
+            sys.stdin.fileno(),
+        )
     except (ParameterError, OSError) as error:
         print(error, file=sys.stderr)
         sys.exit(WRONG_ARGUMENTS)

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import pytest
 
+from haptic_accel.core.network import TRANSPORTS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import ARMS
 from haptic_accel.kits.link.addresses import bound, route
-from haptic_accel.setup.node_parameters import TRANSPORTS
 
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
